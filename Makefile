@@ -1,0 +1,82 @@
+# What to do with a checkout: `make help` lists it. Everything runs in .venv, which is made from requirements.lock
+# the first time something needs it, and again when the lock changes.
+
+PYTHON ?= python3
+ARGS ?=
+
+BIN := .venv/bin
+LOCKED := .venv/.locked
+READY := .venv/.ready
+PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check
+PACKAGES := coevo behaviors analysis
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help evolve test env lint format types imports wheel-check readme-check bench lock clean
+
+help: ## show this list
+	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12]'
+	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  \1	\2/p' $(MAKEFILE_LIST) | expand -t 16
+
+evolve: $(READY) ## co-evolve three robots that play soccer: make evolve ARGS="--seed 3"
+	@$(BIN)/coevo evolve three-learners $(ARGS)
+
+test: $(READY) ## run the tests: make test ARGS="-m 'not slow'"
+	@$(BIN)/python -m pytest $(ARGS)
+
+env: $(READY) ## make the environment, if it is not there or out of date
+
+lint: $(READY) ## check style and format
+	@$(BIN)/ruff check
+	@$(BIN)/ruff format --check
+
+format: $(READY) ## mend what ruff can mend
+	@$(BIN)/ruff check --fix-only
+	@$(BIN)/ruff format
+
+types: $(READY) ## check types
+	@$(BIN)/mypy
+
+imports: $(READY) ## check that imports respect the borders in pyproject.toml
+	@$(BIN)/lint-imports --no-logo
+
+wheel-check: $(READY) ## build the wheel, install it in a fresh environment and use it there
+	@$(BIN)/python tools/wheel_check.py
+
+readme-check: $(READY) ## run every command of the README
+	@$(BIN)/python tools/readme_commands.py
+
+bench: $(READY) ## measure speed: the benchmarks in tests/, then `coevo bench`
+	@$(BIN)/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only
+	@$(BIN)/coevo bench $(ARGS)
+
+lock: ## remake requirements.lock from pyproject.toml: make lock ARGS=--upgrade
+	@echo 'Remaking requirements.lock from pyproject.toml ...'
+	@test -x .venv-lock/bin/uv || $(PYTHON) -m venv .venv-lock
+	@test -x .venv-lock/bin/uv || .venv-lock/bin/python -m pip install -qq --disable-pip-version-check uv
+	@.venv-lock/bin/uv pip compile --quiet pyproject.toml --group dev \
+		--universal --python-version 3.11 --fork-strategy fewest --only-binary :all: --generate-hashes \
+		--no-config --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' \
+		--output-file requirements.lock $(ARGS)
+	@if grep -nE 'https?:|file:|^-' requirements.lock; then \
+		echo 'requirements.lock should hold names, versions and hashes only; take the lines above out'; exit 1; fi
+
+clean: ## remove the environments, caches and builds; runs stay
+	rm -rf .venv .venv-lock build dist htmlcov .coverage .coverage.* .benchmarks .hypothesis .import_linter_cache
+	rm -rf .mypy_cache .pytest_cache .ruff_cache
+	find $(wildcard $(PACKAGES) tests tools) -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(LOCKED): requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+		echo "coevo needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version 2>/dev/null || echo 'not there')." \
+			"Name another, as in 'make env PYTHON=python3.12'." >&2; exit 1; }
+	@echo "Making the environment .venv ($$($(PYTHON) --version)) ..."
+	@$(PYTHON) -m venv --clear .venv
+	@echo 'Installing the locked packages: a minute or two, only this once ...'
+	@$(PIP) --require-hashes -r requirements.lock
+	@touch $@
+
+$(READY): pyproject.toml $(LOCKED)
+	@echo 'Installing coevo from this checkout ...'
+	@$(PIP) --no-deps --no-build-isolation --editable .
+	@touch $@

@@ -1,0 +1,176 @@
+"""Which history length, and which order: what each of them achieves, and the rules of Uchibe 1999, 3.2.3."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviors._cva import (
+    RELATIVE_CUTOFF,
+    CanonicalVariates,
+    Windows,
+    canonical_variates,
+    fit_orders,
+    stack_windows,
+    window_count,
+)
+
+if TYPE_CHECKING:
+    from behaviors._segments import Signals
+
+__all__ = ["MAX_HISTORY_LENGTH", "Candidate", "choose_history_length", "fixed_history_length"]
+
+Array = NDArray[np.float64]
+
+MAX_HISTORY_LENGTH = 10
+"""Longest history that is tried where none is given; a given one may be longer."""
+
+_MINIMUM_GAIN = 0.05  # a longer history has to shrink the norm of R by this share
+_WINDOWS_PER_VARIABLE = 5  # with fewer, a longer history shrinks R by over-fitting alone
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Canonical variates of one history length and what each order achieves, all of standardised signals.
+
+    windows: mean-free; past_mean, action_mean and observation_mean are what was taken away.
+    states: (windows, rank): x_t of the highest order, (A.9).
+    aic: (rank,): AIC(n) for n = 1 .. rank, of R in the units of the data, (3.6) with (3.7).
+    norm: (rank,): spectral norm of R of standardised observations.
+    """
+
+    history_length: int
+    windows: Windows
+    past_mean: Array
+    action_mean: Array
+    observation_mean: Array
+    variates: CanonicalVariates
+    states: Array
+    aic: Array
+    norm: Array
+
+    @property
+    def rank(self) -> int:
+        """Largest possible order."""
+        return len(self.variates.weights)
+
+    @property
+    def best_order(self) -> int:
+        """Order of the smallest AIC."""
+        return int(np.argmin(self.aic)) + 1
+
+
+def fixed_history_length(signals: Signals, length: int, order: int | None, *, project: bool) -> Candidate:
+    """Analyse one history length.
+
+    Raises:
+        ValueError: for too few windows, nothing to predict, or an order that it does not allow.
+    """
+    _require_windows(signals, length, project=project)
+    candidate = _analyse(signals, length, project=project)
+    if order is not None and order > candidate.rank:
+        raise _order_too_large(order, candidate)
+    return candidate
+
+
+def choose_history_length(
+    signals: Signals, order: int | None, threshold: float | None, *, project: bool
+) -> Candidate:
+    """Lengthen the history while it pays (3.2.3), from the first length that allows the order.
+
+    Raises:
+        ValueError: for too few windows, nothing to predict, or an order that no length allows.
+    """
+    _require_windows(signals, 1, project=project)
+    small_enough = max(threshold or 0.0, RELATIVE_CUTOFF)
+    smallest_order = order or 1
+    best: Candidate | None = None
+    best_norm = np.inf
+    for length in range(1, _longest_history(signals, project=project) + 1):
+        candidate = _analyse(signals, length, project=project)
+        if candidate.rank < smallest_order:
+            continue
+        norm = candidate.norm[(order or candidate.best_order) - 1]
+        if best is not None and norm > (1.0 - _MINIMUM_GAIN) * best_norm:
+            break
+        best, best_norm = candidate, norm
+        if norm <= small_enough:
+            break
+    if best is None:
+        raise _order_too_large(smallest_order, candidate)
+    return best
+
+
+def _analyse(signals: Signals, history_length: int, *, project: bool) -> Candidate:
+    raw = stack_windows(signals.segments, history_length)
+    past_mean = raw.past.mean(axis=0)
+    action_mean, observation_mean = raw.actions.mean(axis=0), raw.observations.mean(axis=0)
+    windows = Windows(
+        past=raw.past - past_mean,
+        next_past=raw.next_past - past_mean,
+        future=raw.future - raw.future.mean(axis=0),
+        future_actions=raw.future_actions - raw.future_actions.mean(axis=0),
+        actions=raw.actions - action_mean,
+        observations=raw.observations - observation_mean,
+    )
+    variates = canonical_variates(windows.past, windows.future, windows.future_actions if project else None)
+    rank = len(variates.weights)
+    if rank == 0:
+        raise ValueError(
+            "no direction of the past and the future observations varies (beside what future actions "
+            "explain, if those are projected out); expected at least one: record data in which the object moves"
+        )
+    states = windows.past @ variates.weights.T  # (A.9)
+    fit = fit_orders(states, windows.actions, windows.observations)
+    log_determinant = fit.log_determinant + 2.0 * np.log(signals.observation_scale).sum()
+    n, m, q = np.arange(1, rank + 1), signals.inputs, signals.outputs
+    parameters = n * (n + m + q) + m * q  # (3.7)
+    return Candidate(
+        history_length=history_length,
+        windows=windows,
+        past_mean=past_mean,
+        action_mean=action_mean,
+        observation_mean=observation_mean,
+        variates=variates,
+        states=states,
+        aic=len(states) * log_determinant + 2.0 * parameters,  # (3.6)
+        norm=fit.norm,
+    )
+
+
+def _windows_and_variables(signals: Signals, history_length: int, *, project: bool) -> tuple[int, int]:
+    """Count windows, and the variables (past, future, projected actions) that are correlated in them."""
+    windows = window_count([len(actions) for actions, _ in signals.segments], history_length)
+    return windows, history_length * ((2 if project else 1) * signals.inputs + 2 * signals.outputs)
+
+
+def _require_windows(signals: Signals, history_length: int, *, project: bool) -> None:
+    """Refuse as many variables as windows: their correlations would be 1 whatever the data."""
+    windows, variables = _windows_and_variables(signals, history_length, project=project)
+    if windows <= variables:
+        raise ValueError(
+            f"history_length {history_length} with m = {signals.inputs} and q = {signals.outputs} needs more "
+            f"than {variables} windows (a segment of T rows holds T - {2 * history_length - 1}), these "
+            f"segments hold {windows}; record more data or use a shorter history"
+        )
+
+
+def _longest_history(signals: Signals, *, project: bool) -> int:
+    longest = 1
+    for length in range(2, MAX_HISTORY_LENGTH + 1):
+        windows, variables = _windows_and_variables(signals, length, project=project)
+        if windows < _WINDOWS_PER_VARIABLE * variables:
+            break
+        longest = length
+    return longest
+
+
+def _order_too_large(order: int, candidate: Candidate) -> ValueError:
+    return ValueError(
+        f"order {order} is too large: the data with history_length {candidate.history_length} allow at most "
+        f"{candidate.rank} (the smallest of l q, l (m + q) and the rank); use a smaller order or a longer "
+        "history"
+    )

@@ -1,0 +1,245 @@
+"""Learn a skill from nothing: gather experience, identify the models, learn the table, measure the result."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviors.lpm import identify
+from behaviors.recipe import ModelSettings, Recipe
+from behaviors.task import COLLISION, SUCCESS, task_params
+from behaviors.trials import Learner, Scene, gather, run_trials
+from coevo.errors import InputError
+from coevo.skill import ObjectModel, Skill, SkillBank, make_bank
+from coevo.skill.estimate import make_memory
+from coevo.skill.model import OBJECT_KINDS, state_count
+from coevo.soccer.camera import ROBOTS, camera_params
+from coevo.soccer.drive import action_set
+from coevo.soccer.physics import physics_params
+from coevo.soccer.rng import game_seed
+from coevo.soccer.world import World
+
+__all__ = ["Measured", "evaluate", "learn", "wilson_interval"]
+
+# What the random streams of a recipe's seed are for.
+_EXPERIENCE, _LEARNING, _EVALUATION = 0, 1, 2
+_BLOCK = 250  # trials between two reports of progress
+_CAMERA_OBJECTS = {"ball": 0, "own_goal": 1, "opponent_goal": 2, "mate": ROBOTS, "robot": ROBOTS + 1}
+
+Report = Callable[[int, int, float], None]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Outcome of many trials of one policy.
+
+    outcomes, steps: (trials,) int64; see behaviors.task for the outcomes.
+    success: (trials,) bool; for the task avoid, that no collision happened.
+    """
+
+    outcomes: NDArray[np.int64]
+    steps: NDArray[np.int64]
+    success: NDArray[np.bool_]
+
+    @property
+    def success_rate(self) -> float:
+        """Share of the trials that succeeded."""
+        return float(self.success.mean())
+
+    @property
+    def collision_rate(self) -> float:
+        """Share of the trials that ended in a collision."""
+        return float((self.outcomes == COLLISION).mean())
+
+
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """Return the 95 % confidence interval of a share (Wilson 1927), which is sound near 0 and 1 too."""
+    z = 1.959963984540054
+    share, scale = successes / trials, 1.0 + z * z / trials
+    centre = (share + z * z / (2.0 * trials)) / scale
+    half = z * float(np.sqrt(share * (1.0 - share) / trials + z * z / (4.0 * trials * trials))) / scale
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def _scene(recipe: Recipe, bank: SkillBank) -> Scene:
+    task = task_params(recipe)
+    actions = action_set(recipe.world.robot)
+    mates = [1, 0] if task.robots == 2 and recipe.task == "pass" else [-1] * task.robots
+    return Scene(
+        handles=_world(recipe, task.robots).handles,
+        physics=physics_params(recipe.world),
+        camera=camera_params(recipe.world),
+        task=task,
+        bank=bank,
+        memory=make_memory(task.robots, bank.history, mates),
+        codes=actions.codes,
+        commands=actions.commands,
+    )
+
+
+_worlds: dict[tuple[bytes, int], World] = {}
+
+
+def _world(recipe: Recipe, robots: int) -> World:
+    """Return a world of the recipe; kept, since a scene holds only addresses of it."""
+    key = (msgspec.json.encode(recipe.world), robots)
+    return _worlds.setdefault(key, World(recipe.world, robots))
+
+
+def _blank(recipe: Recipe, models: tuple[ObjectModel, ...]) -> Skill:
+    states = int(np.prod([model.states for model in models]))
+    actions = len(action_set(recipe.world.robot).codes)
+    values = np.zeros((states, actions), np.float32)
+    return Skill(recipe.name, recipe.world.robot.drive, models, values, recipe.action.min_steps, recipe.action.max_steps)
+
+
+def _provisional(recipe: Recipe) -> Skill:
+    """Return a skill that looks at the right objects but knows nothing, with which experience is gathered."""
+    models = tuple(
+        ObjectModel(m.kind, 1, np.zeros((1, 2 + OBJECT_KINDS[m.kind])), np.zeros(2 + OBJECT_KINDS[m.kind]), m.cell)
+        for m in recipe.objects
+    )
+    return _blank(recipe, models)
+
+
+def _bank(skill: Skill) -> SkillBank:
+    return make_bank([skill], drive=skill.drive, actions=skill.actions)
+
+
+def experience(recipe: Recipe, seed: int) -> dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+    """Act at random and return, for each object, the stretches in which it was in view.
+
+    A stretch is (actions (T, 2), observations (T, q)) of one trial, each action paired with the image it led to.
+    """
+    scene = _scene(recipe, _bank(_provisional(recipe)))
+    objects = scene.memory.areas.shape[1]
+    settings = recipe.experience
+    stretches: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = {m.kind: [] for m in recipe.objects}
+    rows, part = 20_000, 0
+    while min(sum(len(a) for a, _ in found) for found in stretches.values()) < settings.windows:
+        trial, inputs = np.zeros(rows, np.int64), np.zeros((rows, 2))
+        features, areas = np.zeros((rows, objects, 11)), np.zeros((rows, objects))
+        random = game_seed(seed, _EXPERIENCE, part)
+        filled = gather(
+            scene, random, settings.hold_min_steps, settings.hold_max_steps, settings.trial_steps, trial, inputs, features, areas
+        )
+        if filled < rows or part > 100:
+            raise InputError(f"the recipe {recipe.name!r}: its objects hardly ever come into view, so no model can be identified")
+        for kind, found in stretches.items():
+            thing = _object_slot(kind, scene)
+            visible = areas[:, thing] > 0.0
+            breaks = np.flatnonzero((np.diff(visible.astype(np.int8)) != 0) | (np.diff(trial) != 0)) + 1
+            for piece in np.split(np.arange(rows), breaks):
+                if visible[piece[0]]:
+                    found.append((inputs[piece], features[piece, thing, : OBJECT_KINDS[kind]]))
+        part += 1
+    return stretches
+
+
+def _object_slot(kind: str, scene: Scene) -> int:
+    return scene.memory.areas.shape[1] - 1 if kind == "robot" else _CAMERA_OBJECTS[kind]
+
+
+def _model(
+    settings: ModelSettings, stretches: list[tuple[NDArray[np.float64], NDArray[np.float64]]], recipe: Recipe
+) -> ObjectModel:
+    enough: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+    total = 0
+    for stretch in stretches:
+        enough.append(stretch)
+        total += len(stretch[0])
+        if total >= recipe.experience.windows:
+            break
+    found = identify(
+        enough,
+        history_length=settings.history_length,
+        order=settings.order,
+        future_inputs=recipe.experience.future_inputs,
+    )
+    return ObjectModel(settings.kind, found.history_length, found.memory_matrix, found.past_mean, settings.cell)
+
+
+def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None, report: Report | None = None) -> Skill:
+    """Learn the recipe's skill from nothing.
+
+    Args:
+        recipe: what to learn and how.
+        seed, trials: replace those of the recipe.
+        report: called with (trials done, trials in all, share of the last block that succeeded).
+
+    Raises:
+        InputError: the recipe leaves nothing to learn from.
+    """
+    seed = recipe.seed if seed is None else seed
+    trials = recipe.trials if trials is None else trials
+    stretches = experience(recipe, seed)
+    skill = _blank(recipe, tuple(_model(m, stretches[m.kind], recipe) for m in recipe.objects))
+    settings = recipe.learning
+    learner = Learner(*(getattr(settings, name) for name in Learner._fields))
+    scene = _scene(recipe, _bank(skill))
+    values, visits = np.zeros(skill.values.shape), np.zeros(skill.values.shape, np.int64)
+    for first in range(0, trials, _BLOCK):
+        block = min(_BLOCK, trials - first)
+        seeds = np.array([game_seed(seed, _LEARNING, first + n) for n in range(block)], np.uint64)
+        outcomes, steps = np.zeros(block, np.int64), np.zeros(block, np.int64)
+        if not run_trials(scene, learner, True, False, first, trials, seeds, values, visits, outcomes, steps):
+            raise _no_start(recipe)
+        if report is not None:
+            report(first + block, trials, float(_success(recipe, outcomes).mean()))
+    about = {
+        "recipe": msgspec.to_builtins(recipe),
+        "recipe_digest": hashlib.sha256(msgspec.json.encode(recipe)).hexdigest(),
+        "seed": seed,
+        "trials": trials,
+        "states_visited": int((visits.sum(axis=1) > 0).sum()),
+    }
+    return Skill(
+        skill.name, skill.drive, skill.objects, values.astype(np.float32), skill.min_steps, skill.max_steps, about
+    )
+
+
+def _success(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
+    return outcomes != COLLISION if recipe.task == "avoid" else outcomes == SUCCESS
+
+
+def _no_start(recipe: Recipe) -> InputError:
+    return InputError(f"the recipe {recipe.name!r}: no start was found where the learner sees what the task is about")
+
+
+def evaluate(
+    recipe: Recipe, skill: Skill | None, *, games: int, seed: int, starts: str | None = None, mover: Any = None
+) -> Measured:
+    """Run a skill greedily from unseen starts.
+
+    Args:
+        recipe: the task.
+        skill: what to measure; None for random actions, each held as long as the recipe allows.
+        games: how many trials.
+        seed: the starts are drawn from it; they are never those of learning.
+        starts: "in-view" or "anywhere", instead of the recipe's.
+        mover: MoverSettings instead of the recipe's.
+    """
+    changed = msgspec.structs.replace(recipe, starts=starts or recipe.starts, mover=mover or recipe.mover)
+    used = skill if skill is not None else _provisional(changed)
+    kinds = {model.kind for model in used.objects}
+    if skill is not None and kinds != {model.kind for model in recipe.objects}:
+        wanted = ", ".join(model.kind for model in recipe.objects)
+        raise InputError(f"the skill {skill.name!r} looks at {', '.join(sorted(kinds))}; the task {recipe.task} needs {wanted}")
+    actions = len(action_set(changed.world.robot).codes)
+    scene = _scene(changed, make_bank([used], drive=changed.world.robot.drive, actions=actions))
+    learner = Learner(*(getattr(recipe.learning, name) for name in Learner._fields))
+    seeds = np.array([game_seed(seed, _EVALUATION, n) for n in range(games)], np.uint64)
+    outcomes, steps = np.zeros(games, np.int64), np.zeros(games, np.int64)
+    values, visits = np.zeros((1, actions)), np.zeros((1, 1), np.int64)
+    if not run_trials(scene, learner, False, skill is None, 0, games, seeds, values, visits, outcomes, steps):
+        raise _no_start(changed)
+    return Measured(outcomes, steps, _success(recipe, outcomes))
+
+
+assert state_count(1) == 5  # three cells and two lost states

@@ -1,0 +1,124 @@
+"""How a skill is learned: a recipe in TOML, checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+
+from coevo.config import Positive, Share, WorldSettings, check, read_toml
+from coevo.errors import InputError, nearest_name
+
+__all__ = [
+    "ActionSettings",
+    "LearningSettings",
+    "ModelSettings",
+    "MoverSettings",
+    "Recipe",
+    "installed_recipes",
+    "read_recipe",
+]
+
+_PRETRAINED = Path(__file__).parent / "pretrained"
+
+
+class _Settings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of all settings: frozen, by keyword only, no unknown keys."""
+
+
+class ModelSettings(_Settings, frozen=True, kw_only=True):
+    """The local prediction model of one object."""
+
+    kind: Literal["ball", "own_goal", "opponent_goal", "mate", "robot"]
+    history_length: Annotated[int, Meta(ge=1, le=12)] | None = None  # None: chosen as in 3.2.3
+    order: Annotated[int, Meta(ge=1, le=8)] | None = None  # None: chosen by AIC (3.6)
+    cell: Positive = 0.6  # half width of the middle cell in standard deviations; (3.9) has 1
+
+
+class ExperienceSettings(_Settings, frozen=True, kw_only=True):
+    """Random actions from which the models are identified."""
+
+    windows: Annotated[int, Meta(ge=100, le=1_000_000)] = 5000  # steps in view of each object
+    hold_min_steps: Annotated[int, Meta(ge=1, le=900)] = 1
+    hold_max_steps: Annotated[int, Meta(ge=1, le=900)] = 20
+    trial_steps: Annotated[int, Meta(ge=10, le=9000)] = 150
+    future_inputs: Literal["keep", "project"] = "keep"
+
+
+class ActionSettings(_Settings, frozen=True, kw_only=True):
+    """An action repeats a primitive until the state changes (3.3.1), within these limits."""
+
+    min_steps: Annotated[int, Meta(ge=1, le=900)] = 5
+    max_steps: Annotated[int, Meta(ge=1, le=900)] = 30
+
+
+class LearningSettings(_Settings, frozen=True, kw_only=True):
+    """Q learning with lambda-returns, updated backwards at the end of a trial."""
+
+    gamma: Annotated[float, Meta(gt=0.0, lt=1.0)] = 0.99  # a physical step
+    return_lambda: Share = 0.9
+    alpha: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.25
+    alpha_visits: Positive = 20.0  # alpha / (1 + visits / this)
+    alpha_min: Share = 0.01
+    epsilon_start: Share = 0.2  # 3.5.3
+    epsilon_end: Share = 0.02
+    easy_share: Share = 0.3  # of the trials, in which the missions grow from easy to full
+
+
+class MoverSettings(_Settings, frozen=True, kw_only=True):
+    """What the other robot does."""
+
+    kind: Literal["none", "standing", "random", "chaser"] = "none"
+    speed: Share = 1.0  # of the maximum
+    share_of_chasers: Share = 0.0  # with kind "random": share of trials in which it chases instead
+    chaser_speed: Share = 0.3
+
+
+class Recipe(_Settings, frozen=True, kw_only=True):
+    """One skill, from nothing."""
+
+    name: str
+    task: Literal["shoot", "pass", "avoid", "search"]
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
+    trials: Annotated[int, Meta(ge=1, le=10_000_000)] = 25_000  # [T] a period
+    time_limit_steps: Annotated[int, Meta(ge=1, le=100_000)] = 900  # 30 s
+    starts: Literal["in-view", "anywhere"] = "in-view"
+    goal_reward: float = 1.0  # [T]
+    collision_reward: float = -0.3  # [T]
+    objects: Annotated[tuple[ModelSettings, ...], Meta(min_length=1, max_length=4)]
+    mover: MoverSettings = MoverSettings()
+    experience: ExperienceSettings = ExperienceSettings()
+    action: ActionSettings = ActionSettings()
+    learning: LearningSettings = LearningSettings()
+    world: WorldSettings = WorldSettings()
+
+    def __post_init__(self) -> None:
+        if self.action.min_steps > self.action.max_steps:
+            raise ValueError(f"action.min_steps must be at most max_steps, got {self.action.min_steps}")
+        if self.experience.hold_min_steps > self.experience.hold_max_steps:
+            raise ValueError(f"experience.hold_min_steps must be at most hold_max_steps, got {self.experience.hold_min_steps}")
+        if self.task in ("pass", "avoid") and self.mover.kind == "none":
+            raise ValueError(f"the task {self.task!r} needs another robot: set mover.kind")
+
+
+def installed_recipes() -> list[str]:
+    """Return the names of the recipes that came with the installation."""
+    return sorted(path.parent.name for path in _PRETRAINED.glob("*/recipe.toml"))
+
+
+def read_recipe(source: str) -> Recipe:
+    """Read an installed recipe by the name of its skill, or a TOML file by path.
+
+    Raises:
+        InputError: there is no such recipe, or it is wrong.
+    """
+    if source.endswith(".toml"):
+        return check(Recipe, read_toml(Path(source)), source)
+    names = installed_recipes()
+    if source not in names:
+        raise InputError(
+            f"there is no recipe for a skill {source!r}.{nearest_name(source, names)} Known: {', '.join(names)};"
+            " a recipe of your own is a file that ends with .toml"
+        )
+    return check(Recipe, read_toml(_PRETRAINED / source / "recipe.toml"), f"the recipe of {source}")

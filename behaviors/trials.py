@@ -1,0 +1,266 @@
+"""Trials of one learner, compiled: random experience for the models, Q learning, and greedy evaluation."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviors.task import AVOID, COLLISION, GOING, SUCCESS, TaskParams, judge, move_other, start_trial
+from coevo.compiled import entry, helper
+from coevo.skill import SkillBank
+from coevo.skill.estimate import Memory, discrete_state, forget, perturb, remember
+from coevo.soccer.camera import FEATURES, ROBOTS, CameraParams, look
+from coevo.soccer.physics import Handles, PhysicsParams, advance, reset
+from coevo.soccer.rng import below, normal, uniform
+
+__all__ = ["Learner", "Scene", "gather", "run_trials"]
+
+
+class Scene(NamedTuple):
+    """Everything a trial happens in."""
+
+    handles: Handles
+    physics: PhysicsParams
+    camera: CameraParams
+    task: TaskParams
+    bank: SkillBank
+    memory: Memory
+    codes: NDArray[np.float64]
+    commands: NDArray[np.float64]
+
+
+class Learner(NamedTuple):
+    """Numbers of Q learning; see behaviors.recipe.LearningSettings."""
+
+    gamma: float
+    return_lambda: float
+    alpha: float
+    alpha_visits: float
+    alpha_min: float
+    epsilon_start: float
+    epsilon_end: float
+    easy_share: float
+
+
+@helper
+def _watch(
+    scene: Scene,
+    state: NDArray[np.float64],
+    masks: NDArray[np.uint64],
+    occupied: NDArray[np.uint64],
+    time: int,
+    code: NDArray[np.float64],
+    rng: NDArray[np.uint64],
+) -> None:
+    """Let the learner see and remember."""
+    objects = scene.memory.areas.shape[1] - 1
+    features, areas = scene.memory.features[0, :objects], scene.memory.areas[0, :objects]
+    look(scene.camera, state, 0, 0, masks, occupied, features, areas)
+    if scene.camera.noise > 0.0:
+        perturb(scene.camera, features, areas, rng)
+    remember(scene.memory, scene.bank, 0, time, code, 0.5 * scene.camera.columns)
+
+
+@helper
+def _command(scene: Scene, commands: NDArray[np.float64], action: int, rng: NDArray[np.uint64]) -> None:
+    """Give the learner's drive its command, with the noise of the actuators."""
+    commands[0] = scene.commands[action]
+    if scene.physics.actuator_noise > 0.0:
+        commands[0, 0] *= 1.0 + scene.physics.actuator_noise * normal(rng)
+        commands[0, 1] *= 1.0 + scene.physics.actuator_noise * normal(rng)
+
+
+@entry
+def gather(
+    scene: Scene,
+    seed: np.uint64,
+    hold_min: int,
+    hold_max: int,
+    trial_steps: int,
+    trial: NDArray[np.int64],
+    inputs: NDArray[np.float64],
+    features: NDArray[np.float64],
+    areas: NDArray[np.float64],
+) -> int:
+    """Fill the rows with the experience of random actions, each held for a while; return how many rows are filled.
+
+    trial: (rows,) number of the trial. inputs: (rows, 2) code of the action that led to the row's images.
+    features: (rows, objects, 11), areas: (rows, objects), with the nearest robot in the last slot.
+    """
+    task, robots = scene.task, scene.task.robots
+    objects = ROBOTS + robots - 1
+    state, commands = np.zeros((robots + 1, 6)), np.zeros((robots, 2))
+    ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
+    masks, occupied = np.zeros((objects, scene.camera.columns), np.uint64), np.zeros(scene.camera.columns, np.uint64)
+    touched, held = np.empty(1, np.int64), np.empty(1, np.int64)
+    rng = np.full(1, seed)
+    row, number = 0, 0
+    while row < trial.shape[0]:
+        if not start_trial(task, scene.physics, scene.camera, 0.0, state, masks, occupied, scene.memory, rng):
+            return row
+        reset(scene.handles, state)
+        forget(scene.memory)
+        commands[:] = 0.0
+        touched[0], held[0] = -1, 0
+        chases = uniform(rng) < task.chaser_share
+        action, left = 0, 0
+        for t in range(trial_steps):
+            if left == 0:
+                action, left = below(rng, scene.codes.shape[0]), hold_min + below(rng, hold_max - hold_min + 1)
+            left -= 1
+            _command(scene, commands, action, rng)
+            if robots > 1:
+                move_other(task, chases, state, held, commands, rng)
+            advance(scene.handles, scene.physics, state, commands, ball_gap, robot_gap)
+            _watch(scene, state, masks, occupied, t, scene.codes[action], rng)
+            trial[row] = number
+            inputs[row] = scene.codes[action]
+            for o in range(objects + 1):
+                areas[row, o] = scene.memory.areas[0, o]
+                for k in range(FEATURES):
+                    features[row, o, k] = scene.memory.features[0, o, k]
+            row += 1
+            ends = judge(task, scene.physics, state, scene.memory, ball_gap, robot_gap, touched, t)
+            if row == trial.shape[0] or (ends != GOING and ends != COLLISION and task.task < AVOID):
+                break
+        number += 1
+    return row
+
+
+@helper
+def _greedy(values: NDArray[np.float64], state: int, rng: NDArray[np.uint64]) -> int:
+    """Return the best action of a state; equals are drawn at random."""
+    best, count = 0, 1
+    for a in range(1, values.shape[1]):
+        if values[state, a] > values[state, best]:
+            best, count = a, 1
+        elif values[state, a] == values[state, best]:
+            count += 1
+            if below(rng, count) == 0:
+                best = a
+    return best
+
+
+@entry
+def run_trials(
+    scene: Scene,
+    learner: Learner,
+    learning: bool,
+    random_policy: bool,
+    first: int,
+    total: int,
+    seeds: NDArray[np.uint64],
+    values: NDArray[np.float64],
+    visits: NDArray[np.int64],
+    outcomes: NDArray[np.int64],
+    steps: NDArray[np.int64],
+) -> bool:
+    """Run one trial a seed; return False if no start was found.
+
+    Args:
+        scene: world, task and models.
+        learner: numbers of Q learning.
+        learning: explore and update ``values``; else follow the bank's policy.
+        random_policy: act at random, each action as long as a learned one (a baseline).
+        first, total: number of the first of these trials, and of all trials of the learning: set the schedule.
+        seeds: (trials,) uint64.
+        values: (states, actions) float64 action values, updated. visits: likewise, how often each was updated.
+        outcomes: (trials,) filled with GOING (time ran out), SUCCESS, FAILURE or COLLISION.
+        steps: (trials,) filled with the length of each trial.
+    """
+    task, robots, bank = scene.task, scene.task.robots, scene.bank
+    objects = ROBOTS + robots - 1
+    state, commands = np.zeros((robots + 1, 6)), np.zeros((robots, 2))
+    ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
+    masks, occupied = np.zeros((objects, scene.camera.columns), np.uint64), np.zeros(scene.camera.columns, np.uint64)
+    touched, held_other = np.empty(1, np.int64), np.empty(1, np.int64)
+    standing = np.zeros(2)
+    rng = np.zeros(1, np.uint64)
+    # The decisions of one trial: state, action, reward during it, length in steps.
+    room = task.time_limit + 1
+    states, actions = np.empty(room, np.int64), np.empty(room, np.int64)
+    rewards, lengths = np.empty(room), np.empty(room, np.int64)
+    for n in range(seeds.shape[0]):
+        rng[0] = seeds[n]
+        progress = (first + n) / max(total - 1, 1)
+        epsilon = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * progress
+        ease = 0.0
+        if learning and learner.easy_share > 0.0:
+            ease = max(0.0, 1.0 - progress / learner.easy_share)
+        if not start_trial(task, scene.physics, scene.camera, ease, state, masks, occupied, scene.memory, rng):
+            return False
+        reset(scene.handles, state)
+        forget(scene.memory)
+        commands[:] = 0.0
+        touched[0], held_other[0] = -1, 0
+        chases = uniform(rng) < task.chaser_share
+        count, action, held, outcome, t = 0, -1, 0, GOING, 0
+        _watch(scene, state, masks, occupied, 0, standing, rng)
+        while t < task.time_limit:
+            if action < 0 or held >= bank.min_steps[0]:
+                now = discrete_state(scene.memory, bank, 0, 0, t)
+                if action < 0 or held >= bank.max_steps[0] or now != states[count - 1]:
+                    if random_policy or (learning and uniform(rng) < epsilon):
+                        action = below(rng, values.shape[1])
+                    elif learning:
+                        action = _greedy(values, now, rng)
+                    else:
+                        action = bank.policy[now]
+                    states[count], actions[count], rewards[count], lengths[count] = now, action, 0.0, 0
+                    count += 1
+                    held = 0
+            held += 1
+            lengths[count - 1] += 1
+            _command(scene, commands, action, rng)
+            if robots > 1:
+                move_other(task, chases, state, held_other, commands, rng)
+            advance(scene.handles, scene.physics, state, commands, ball_gap, robot_gap)
+            t += 1
+            _watch(scene, state, masks, occupied, t, scene.codes[action], rng)
+            outcome = judge(task, scene.physics, state, scene.memory, ball_gap, robot_gap, touched, t)
+            if outcome != GOING:
+                break
+        if outcome == SUCCESS:
+            rewards[count - 1] += task.goal_reward
+        elif outcome == COLLISION:
+            rewards[count - 1] += task.collision_reward
+        outcomes[n], steps[n] = outcome, t
+        if learning:
+            last = -1 if outcome != GOING else discrete_state(scene.memory, bank, 0, 0, t)
+            _learn(learner, values, visits, states, actions, rewards, lengths, count, last)
+    return True
+
+
+@helper
+def _learn(
+    learner: Learner,
+    values: NDArray[np.float64],
+    visits: NDArray[np.int64],
+    states: NDArray[np.int64],
+    actions: NDArray[np.int64],
+    rewards: NDArray[np.float64],
+    lengths: NDArray[np.int64],
+    count: int,
+    last: int,
+) -> None:
+    """Update the values backwards through one trial with lambda-returns.
+
+    The return of a decision is r + gamma^steps ((1 - lambda) max Q(next) + lambda * return of the next). A trial that
+    ran out of time goes on in the value of the state it reached (``last``); one that ended has none (-1).
+    """
+    ahead = 0.0
+    for k in range(count - 1, -1, -1):
+        discount = learner.gamma ** lengths[k]
+        following = last if k == count - 1 else states[k + 1]
+        target = rewards[k]
+        if following >= 0:
+            best = values[following].max()
+            mixed = best if k == count - 1 else (1.0 - learner.return_lambda) * best + learner.return_lambda * ahead
+            target += discount * mixed
+        ahead = target
+        s, a = states[k], actions[k]
+        alpha = max(learner.alpha_min, learner.alpha / (1.0 + visits[s, a] / learner.alpha_visits))
+        values[s, a] += alpha * (target - values[s, a])
+        visits[s, a] += 1

@@ -1,0 +1,80 @@
+"""Compile functions with numba, and keep the machine code of every version of the sources apart.
+
+numba's own cache looks only at the file that defines a function: an edit of a helper or a constant in
+another file would go on running the old machine code. Here the folder of the cache is named by a digest of
+every kernel source and of the versions of the libraries, so that stale code can never be run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import sys
+import threading
+from collections.abc import Callable
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import llvmlite.binding
+import numba
+import platformdirs
+
+__all__ = ["cache_folder", "entry", "helper", "is_compiled"]
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+_PACKAGES = Path(__file__).resolve().parents[1]
+_LIBRARIES = ("numba", "llvmlite", "numpy", "pymunk")
+_entries: list[Any] = []
+_decorating = threading.Lock()
+
+
+def _kernel_sources() -> list[Path]:
+    """Every source that may hold compiled code: it is cheaper to compile once too often than to run old code."""
+    folders = [_PACKAGES / "coevo" / part for part in ("soccer", "skill", "tree")]
+    singles = [_PACKAGES / "coevo" / "game.py", _PACKAGES / "coevo" / "compiled.py"]
+    found = [path for folder in folders for path in folder.glob("*.py")]
+    found += [path for path in (_PACKAGES / "behaviors").glob("*.py") if b"coevo.compiled" in path.read_bytes()]
+    return sorted(path for path in [*found, *singles] if path.exists())
+
+
+@cache
+def cache_folder() -> Path:
+    """Return the folder that holds the machine code of exactly these sources on this kind of processor."""
+    digest = hashlib.sha256()
+    for library in _LIBRARIES:
+        digest.update(f"{library} {version(library)}\n".encode())
+    digest.update(f"{sys.version} {platform.machine()} {llvmlite.binding.get_host_cpu_name()}\n".encode())
+    for path in _kernel_sources():
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    root = os.environ.get("COEVO_CACHE_DIR") or platformdirs.user_cache_dir("coevo")
+    return Path(root) / digest.hexdigest()[:20]
+
+
+def helper(function: _F) -> _F:
+    """Compile ``function`` as a part of the entry kernels that call it."""
+    return cast(_F, numba.njit(nogil=True, fastmath=False, error_model="numpy")(function))
+
+
+def entry(function: _F) -> _F:
+    """Compile ``function`` as a kernel that Python calls; its machine code is kept on disk."""
+    with _decorating:
+        before = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(cache_folder())
+        try:
+            compiled = numba.njit(nogil=True, fastmath=False, error_model="numpy", cache=True)(function)
+        finally:
+            numba.config.CACHE_DIR = before
+    _entries.append(compiled)
+    return cast(_F, compiled)
+
+
+def is_compiled(function: Callable[..., Any]) -> bool:
+    """Tell whether ``function`` has machine code on disk or in memory, so that a first call will not compile."""
+    if getattr(function, "signatures", None):
+        return True
+    name = getattr(function, "__qualname__", "")
+    folder = cache_folder()
+    return folder.is_dir() and any(folder.glob(f"*/*.{name}-*.nbi")) or any(folder.glob(f"*.{name}-*.nbi"))

@@ -1,0 +1,18 @@
+"""Errors that are the user's to mend: shown as one or two plain lines, never as a traceback."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+__all__ = ["InputError", "nearest_name"]
+
+
+class InputError(ValueError):
+    """Something the user gave cannot be used; the message says what was expected, what came and what to do."""
+
+
+def nearest_name(word: str, names: Iterable[str]) -> str:
+    """Return ``" Did you mean 'name'?"`` for the nearest of ``names``, or an empty string if none is near."""
+    near = difflib.get_close_matches(word, list(names), n=1, cutoff=0.5)
+    return f" Did you mean {near[0]!r}?" if near else ""

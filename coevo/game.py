@@ -1,0 +1,347 @@
+"""Games between trees, compiled: world, cameras, memories, trees and skills of a whole set of games in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coevo.compiled import entry, helper
+from coevo.config import CategorySettings, GameSettings, PlayerSettings, RunSettings
+from coevo.errors import InputError
+from coevo.skill import SkillBank, load_skill, make_bank
+from coevo.skill.estimate import Memory, discrete_state, forget, make_memory, perturb, remember
+from coevo.soccer.camera import BALL, ROBOTS, CameraParams, camera_params, look
+from coevo.soccer.drive import action_set
+from coevo.soccer.events import Events, EventParams, clear_events, event_params, goal_scored, make_events, record_contacts
+from coevo.soccer.physics import Handles, PhysicsParams, advance, physics_params, reset
+from coevo.soccer.placement import place, regions
+from coevo.soccer.rng import normal
+from coevo.soccer.world import World
+from coevo.tree import SKILLS, Program
+
+__all__ = ["Arena", "Outcome", "Trace"]
+
+_FIRST_SKILL = 255
+
+
+class _Rules(NamedTuple):
+    """What else the kernel needs to know of the games."""
+
+    time_limit: int
+    left_below: float
+    right_from: float
+    small_below: NDArray[np.float64]
+    large_from: NDArray[np.float64]
+    teams: NDArray[np.int64]
+    evolves: NDArray[np.bool_]
+    codes: NDArray[np.float64]
+    commands: NDArray[np.float64]
+
+
+class _Programs(NamedTuple):
+    """The programs of all robots, one after the other."""
+
+    codes: NDArray[np.uint8]
+    second: NDArray[np.int32]
+    start: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What happened in a set of games.
+
+    steps: (games,) int64, length of each game.
+    scorer: (games,) int64, the team that scored, -1 if time ran out.
+    kicks: (games, robots) int64, steps in which the robot touched the ball.
+    collisions: (games, robots) int64, times it ran into another robot or was run into.
+    passes: (games, robots) int64, times a team mate touched the ball soon after it.
+    skill_steps: (robots, 4) int64, steps in which each skill was chosen, in the order of coevo.tree.SKILLS.
+    leaf_steps: per robot (nodes,) int64, steps that ended at each leaf of its tree.
+    """
+
+    steps: NDArray[np.int64]
+    scorer: NDArray[np.int64]
+    kicks: NDArray[np.int64]
+    collisions: NDArray[np.int64]
+    passes: NDArray[np.int64]
+    skill_steps: NDArray[np.int64]
+    leaf_steps: tuple[NDArray[np.int64], ...]
+
+    def goals_of(self, team: int) -> int:
+        """Number of games that ``team`` won."""
+        return int((self.scorer == team).sum())
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Every step of one game.
+
+    states: (steps + 1, bodies, 6), from the start on; robots, then the ball.
+    skills: (steps, robots) int8, chosen in each step, -1 for a robot without a tree.
+    """
+
+    states: NDArray[np.float64]
+    skills: NDArray[np.int8]
+
+
+@helper
+def _categories(rules: _Rules, features: NDArray[np.float64], areas: NDArray[np.float64]) -> np.uint64:
+    """Return the word of all predicates "a is b" of Table 6.1, seven bits an object."""
+    word = np.uint64(0)
+    for o in range(areas.shape[0]):
+        if areas[o] <= 0.0:
+            word |= np.uint64(64) << np.uint64(7 * o)
+            continue
+        bits = np.uint64(2)
+        if features[o, 0] < rules.left_below:
+            bits = np.uint64(1)
+        elif features[o, 0] >= rules.right_from:
+            bits = np.uint64(4)
+        if areas[o] < rules.small_below[o]:
+            bits |= np.uint64(8)
+        elif areas[o] >= rules.large_from[o]:
+            bits |= np.uint64(32)
+        else:
+            bits |= np.uint64(16)
+        word |= bits << np.uint64(7 * o)
+    return word
+
+
+@entry
+def _play(
+    handles: Handles,
+    physics: PhysicsParams,
+    camera: CameraParams,
+    rules: _Rules,
+    event_rules: EventParams,
+    start_regions: NDArray[np.float64],
+    bank: SkillBank,
+    memory: Memory,
+    events: Events,
+    programs: _Programs,
+    seeds: NDArray[np.uint64],
+    steps: NDArray[np.int64],
+    scorer: NDArray[np.int64],
+    kicks: NDArray[np.int64],
+    collisions: NDArray[np.int64],
+    passes: NDArray[np.int64],
+    skill_steps: NDArray[np.int64],
+    leaf_steps: NDArray[np.int64],
+    trace_states: NDArray[np.float64],
+    trace_skills: NDArray[np.int8],
+) -> bool:
+    """Play one game a seed; return False if the bodies do not fit into their start regions.
+
+    ``trace_states`` (time limit + 1, bodies, 6) and ``trace_skills`` (time limit, robots) are filled when they are
+    not empty.
+    """
+    robots = rules.teams.shape[0]
+    objects = ROBOTS + robots - 1
+    state = np.zeros((robots + 1, 6))
+    commands = np.zeros((robots, 2))
+    ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
+    masks, occupied = np.zeros((objects, camera.columns), np.uint64), np.zeros(camera.columns, np.uint64)
+    skill, action, held = np.empty(robots, np.int64), np.empty(robots, np.int64), np.empty(robots, np.int64)
+    at_start = np.empty(robots, np.int64)
+    rng = np.zeros(1, np.uint64)
+    standing = np.zeros(2)
+    middle = 0.5 * camera.columns
+    tracing = trace_states.shape[0] > 0
+    for game in range(seeds.shape[0]):
+        rng[0] = seeds[game]
+        if not place(physics, start_regions, rules.teams, state, rng):
+            return False
+        reset(handles, state)
+        forget(memory)
+        clear_events(events)
+        skill[:], action[:], held[:] = -1, -1, 0
+        winner = -1
+        t = 0
+        if tracing:
+            trace_states[0] = state
+        while t < rules.time_limit:
+            for r in range(robots):
+                if not rules.evolves[r]:
+                    if tracing:
+                        trace_skills[t, r] = -1
+                    continue
+                features, areas = memory.features[r, :objects], memory.areas[r, :objects]
+                look(camera, state, r, rules.teams[r], masks, occupied, features, areas)
+                if camera.noise > 0.0:
+                    perturb(camera, features, areas, rng)
+                remember(memory, bank, r, t, standing if action[r] < 0 else rules.codes[action[r]], middle)
+                word = _categories(rules, features, areas)
+                node = programs.start[r]
+                code = programs.codes[node]
+                while code < _FIRST_SKILL - 3:
+                    if (word >> np.uint64(code)) & np.uint64(1):
+                        node += 1
+                    else:
+                        node = programs.start[r] + programs.second[node]
+                    code = programs.codes[node]
+                leaf_steps[node] += 1
+                chosen = _FIRST_SKILL - code
+                skill_steps[r, chosen] += 1
+                fresh = chosen != skill[r] or held[r] >= bank.max_steps[chosen]
+                if fresh or held[r] >= bank.min_steps[chosen]:
+                    now = discrete_state(memory, bank, chosen, r, t)
+                    if fresh or now != at_start[r]:
+                        skill[r], at_start[r], held[r] = chosen, now, 0
+                        action[r] = bank.policy[bank.first[chosen] + now]
+                held[r] += 1
+                commands[r] = rules.commands[action[r]]
+                if physics.actuator_noise > 0.0:
+                    commands[r, 0] *= 1.0 + physics.actuator_noise * normal(rng)
+                    commands[r, 1] *= 1.0 + physics.actuator_noise * normal(rng)
+                if tracing:
+                    trace_skills[t, r] = chosen
+            advance(handles, physics, state, commands, ball_gap, robot_gap)
+            record_contacts(event_rules, rules.teams, t, ball_gap, robot_gap, events)
+            t += 1
+            if tracing:
+                trace_states[t] = state
+            winner = goal_scored(physics, state)
+            if winner >= 0:
+                break
+        steps[game], scorer[game] = t, winner
+        for r in range(robots):
+            kicks[game, r], collisions[game, r], passes[game, r] = events.kicks[r], events.collisions[r], events.passes[r]
+    return True
+
+
+class Arena:
+    """A world with everything that games of one setting need; keep one for each thread.
+
+    Args:
+        settings: the experiment.
+    """
+
+    def __init__(self, settings: RunSettings) -> None:
+        self.settings = settings
+        world, players = settings.world, settings.players
+        robots = len(players)
+        actions = action_set(world.robot)
+        names = (settings.skills.shoot, settings.skills.pass_, settings.skills.avoid, settings.skills.search)
+        self.skills = tuple(load_skill(name) for name in names)
+        self.bank = make_bank(self.skills, drive=world.robot.drive, actions=len(actions.codes))
+        self.world = World(world, robots)
+        self._physics = physics_params(world)
+        self._camera = camera_params(world)
+        self._rules = _make_rules(settings.game, settings.categories, players, actions.codes, actions.commands)
+        self._event_rules = event_params(world, settings.game)
+        self._regions = regions([player.start for player in players], settings.game.ball_start)
+        self._memory = make_memory(robots, self.bank.history, _mates(players))
+        self._events = make_events(robots)
+
+    def play(self, programs: Sequence[Program | None], seeds: NDArray[np.uint64]) -> Outcome:
+        """Play one game a seed.
+
+        Args:
+            programs: a flat program for each robot that evolves, None for one that stands.
+            seeds: (games,) uint64; the same seed is the same game, whatever was played before.
+
+        Raises:
+            InputError: the bodies do not fit into the regions where they start.
+        """
+        return self._run(programs, seeds, np.zeros((0, 0, 0)), np.zeros((0, 0), np.int8))
+
+    def trace(self, programs: Sequence[Program | None], seed: np.uint64) -> tuple[Outcome, Trace]:
+        """Play one game and keep every step of it."""
+        robots, limit = len(self.settings.players), self.settings.game.time_limit_steps
+        states, skills = np.zeros((limit + 1, robots + 1, 6)), np.zeros((limit, robots), np.int8)
+        outcome = self._run(programs, np.array([seed], np.uint64), states, skills)
+        steps = int(outcome.steps[0])
+        return outcome, Trace(states[: steps + 1], skills[:steps])
+
+    def _run(
+        self,
+        programs: Sequence[Program | None],
+        seeds: NDArray[np.uint64],
+        trace_states: NDArray[np.float64],
+        trace_skills: NDArray[np.int8],
+    ) -> Outcome:
+        robots, games = len(self.settings.players), len(seeds)
+        empty = Program(np.zeros(0, np.uint8), np.zeros(0, np.int32))
+        chosen = [program or empty for program in programs]
+        start = np.cumsum([0, *(len(program.codes) for program in chosen)])
+        joined = _Programs(
+            np.concatenate([program.codes for program in chosen]),
+            np.concatenate([program.second for program in chosen]),
+            start.astype(np.int64),
+        )
+        outcome = Outcome(
+            steps=np.zeros(games, np.int64),
+            scorer=np.zeros(games, np.int64),
+            kicks=np.zeros((games, robots), np.int64),
+            collisions=np.zeros((games, robots), np.int64),
+            passes=np.zeros((games, robots), np.int64),
+            skill_steps=np.zeros((robots, len(SKILLS)), np.int64),
+            leaf_steps=(),
+        )
+        leaf_steps = np.zeros(len(joined.codes), np.int64)
+        fits = _play(
+            self.world.handles,
+            self._physics,
+            self._camera,
+            self._rules,
+            self._event_rules,
+            self._regions,
+            self.bank,
+            self._memory,
+            self._events,
+            joined,
+            seeds,
+            outcome.steps,
+            outcome.scorer,
+            outcome.kicks,
+            outcome.collisions,
+            outcome.passes,
+            outcome.skill_steps,
+            leaf_steps,
+            trace_states,
+            trace_skills,
+        )
+        if not fits:
+            raise InputError(
+                "the robots and the ball do not fit into their start regions without touching;"
+                " widen game.ball_start or players.*.start"
+            )
+        leaves = tuple(leaf_steps[start[i] : start[i + 1]] for i in range(robots))
+        return Outcome(**{**outcome.__dict__, "leaf_steps": leaves})
+
+
+def _mates(players: Sequence[PlayerSettings]) -> list[int]:
+    """Return the number of each robot's first team mate, -1 where it has none."""
+    return [
+        next((j for j, other in enumerate(players) if j != i and other.team == player.team), -1)
+        for i, player in enumerate(players)
+    ]
+
+
+def _make_rules(
+    game: GameSettings,
+    categories: CategorySettings,
+    players: Sequence[PlayerSettings],
+    codes: NDArray[np.float64],
+    commands: NDArray[np.float64],
+) -> _Rules:
+    objects = ROBOTS + len(players) - 1
+    small = np.full(objects, categories.robot_small_below_px)
+    large = np.full(objects, categories.robot_large_from_px)
+    small[:ROBOTS], large[:ROBOTS] = categories.goal_small_below_px, categories.goal_large_from_px
+    small[BALL], large[BALL] = categories.ball_small_below_px, categories.ball_large_from_px
+    return _Rules(
+        time_limit=game.time_limit_steps,
+        left_below=categories.left_below_px,
+        right_from=categories.right_from_px,
+        small_below=small,
+        large_from=large,
+        teams=np.array([player.team for player in players], np.int64),
+        evolves=np.array([player.control == "evolve" for player in players]),
+        codes=codes,
+        commands=commands,
+    )

@@ -1,0 +1,154 @@
+"""What a robot remembers of what it saw, and the discrete state a skill makes of it; compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coevo.compiled import helper
+from coevo.skill.bank import MATE, NEAREST, SkillBank
+from coevo.soccer.camera import FEATURES, ROBOT_FEATURES, ROBOTS, CameraParams
+from coevo.soccer.rng import normal
+
+__all__ = ["Memory", "discrete_state", "forget", "make_memory", "perturb", "remember"]
+
+
+class Memory(NamedTuple):
+    """What every robot of a game sees and remembers; K objects of the camera, and slot K for the nearest robot.
+
+    features: (robots, K + 1, 11) float64, the newest features of each visible object.
+    areas: (robots, K + 1) float64, 0 where not visible.
+    past: (robots, K + 1, history, 11) float64, a ring of observations.
+    inputs: (robots, history, 2) float64, the ring of the actions that led to them.
+    seen: (robots, K + 1) int64, for how many steps in a row the object has been visible.
+    side: (robots, K + 1) int64, where it was seen last: 0 left, 1 right.
+    nearest: (robots,) int64, which object slot K stands for, or -1.
+    mate: (robots,) int64, the object that is the first team mate, or -1.
+    """
+
+    features: NDArray[np.float64]
+    areas: NDArray[np.float64]
+    past: NDArray[np.float64]
+    inputs: NDArray[np.float64]
+    seen: NDArray[np.int64]
+    side: NDArray[np.int64]
+    nearest: NDArray[np.int64]
+    mate: NDArray[np.int64]
+
+
+def make_memory(robots: int, history: int, mates: list[int]) -> Memory:
+    """Make room for the memory of ``robots``; ``mates``: for each the number of its team mate, -1 for none."""
+    objects = ROBOTS + robots
+    seen_as = [-1 if mate < 0 else ROBOTS + mate - (1 if mate > robot else 0) for robot, mate in enumerate(mates)]
+    return Memory(
+        features=np.zeros((robots, objects, FEATURES)),
+        areas=np.zeros((robots, objects)),
+        past=np.zeros((robots, objects, history, FEATURES)),
+        inputs=np.zeros((robots, history, 2)),
+        seen=np.zeros((robots, objects), np.int64),
+        side=np.zeros((robots, objects), np.int64),
+        nearest=np.full(robots, -1, np.int64),
+        mate=np.array(seen_as, np.int64),
+    )
+
+
+@helper
+def forget(memory: Memory) -> None:
+    """Start a game with nothing seen."""
+    memory.areas[:] = 0.0
+    memory.inputs[:] = 0.0
+    memory.seen[:] = 0
+    memory.side[:] = 0
+    memory.nearest[:] = -1
+
+
+@helper
+def perturb(camera: CameraParams, features: NDArray[np.float64], areas: NDArray[np.float64], rng: NDArray[np.uint64]) -> None:
+    """Add sensor noise to the features of what is visible: (objects, 11) and (objects,).
+
+    Each coordinate and extent gets the camera's noise; the area, a sum over an outline, that times its square root.
+    """
+    for o in range(areas.shape[0]):
+        if areas[o] > 0.0:
+            last = 3 if o == 0 else (10 if o < ROBOTS else 4)
+            for k in range(last):
+                features[o, k] += camera.noise * normal(rng)
+            areas[o] = max(1.0, areas[o] + camera.noise * np.sqrt(areas[o]) * normal(rng))
+            features[o, last] = areas[o]
+
+
+@helper
+def remember(
+    memory: Memory, bank: SkillBank, robot: int, time: int, inputs: NDArray[np.float64], middle: float
+) -> None:
+    """Keep what the robot sees now, and the action code (2,) that led to it.
+
+    When an object comes into view its whole past is filled with this first sight. ``middle``: column that parts
+    left from right [px].
+    """
+    slot = time % bank.history
+    objects = memory.areas.shape[1] - 1
+    memory.inputs[robot, slot, 0] = inputs[0]
+    memory.inputs[robot, slot, 1] = inputs[1]
+    if bank.nearest:
+        largest, which = 0.0, -1
+        for o in range(ROBOTS, objects):
+            if memory.areas[robot, o] > largest:
+                largest, which = memory.areas[robot, o], o
+        memory.areas[robot, objects] = largest
+        if which >= 0:
+            if which != memory.nearest[robot]:
+                memory.seen[robot, objects] = 0
+                memory.nearest[robot] = which
+            for k in range(ROBOT_FEATURES):
+                memory.features[robot, objects, k] = memory.features[robot, which, k]
+    for o in range(objects + 1):
+        if memory.areas[robot, o] <= 0.0:
+            memory.seen[robot, o] = 0
+            continue
+        row = memory.features[robot, o]
+        past = memory.past[robot, o]
+        if memory.seen[robot, o] == 0:
+            for h in range(bank.history):
+                past[h] = row
+        else:
+            past[slot] = row
+        memory.seen[robot, o] += 1
+        memory.side[robot, o] = 0 if row[0] < middle else 1
+
+
+@helper
+def discrete_state(memory: Memory, bank: SkillBank, skill: int, robot: int, time: int) -> int:
+    """Return the state of a skill: the cells (3.9) of x = M (p - mean) of each of its objects."""
+    state = 0
+    for i in range(bank.models[skill]):
+        thing = bank.objects[skill, i]
+        if thing == MATE:
+            thing = memory.mate[robot]
+        elif thing == NEAREST:
+            thing = memory.areas.shape[1] - 1
+        states = bank.states[skill, i]
+        if thing < 0 or memory.areas[robot, thing] <= 0.0:
+            side = memory.side[robot, thing] if thing >= 0 else 0
+            state = state * states + states - 2 + side
+            continue
+        length, features = bank.lengths[skill, i], bank.features[skill, i]
+        cell, digit, weight = bank.cells[skill, i], 0, 1
+        for j in range(bank.orders[skill, i]):
+            row = bank.memory[skill, i, j]
+            x = -bank.offset[skill, i, j]
+            for back in range(length):
+                slot = (time - back) % bank.history
+                x += row[2 * back] * memory.inputs[robot, slot, 0] + row[2 * back + 1] * memory.inputs[robot, slot, 1]
+                at = 2 * length + features * back
+                for k in range(features):
+                    x += row[at + k] * memory.past[robot, thing, slot, k]
+            if x >= cell:
+                digit += 2 * weight
+            elif x >= -cell:
+                digit += weight
+            weight *= 3
+        state = state * states + digit
+    return state

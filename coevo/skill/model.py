@@ -1,0 +1,246 @@
+"""A learned skill as data: local prediction models and a table of action values, checked on the way in and out."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.resources
+import io
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coevo.errors import InputError, nearest_name
+
+__all__ = [
+    "OBJECT_KINDS",
+    "ObjectModel",
+    "Skill",
+    "installed_skills",
+    "load_skill",
+    "read_card",
+    "skill_path",
+    "state_count",
+]
+
+FORMAT = 1
+# What a skill can look at, and how many features each has. "mate" is the robot's first team mate, "robot" whichever
+# other robot looks largest.
+OBJECT_KINDS = {"ball": 4, "own_goal": 11, "opponent_goal": 11, "mate": 5, "robot": 5}
+INPUTS = 2
+_CELLS = 3  # (3.9)
+_LOST_CELLS = 2  # last seen left, last seen right
+
+
+def state_count(order: int) -> int:
+    """Return the number of discrete states of one object: three cells an element (3.9), and two for "not visible"."""
+    return int(_CELLS**order) + _LOST_CELLS
+
+
+@dataclass(frozen=True)
+class ObjectModel:
+    """How one object's state is estimated from the past: x = M (p - mean), (3.3) and (A.9).
+
+    Attributes:
+        kind: what is looked at, a key of OBJECT_KINDS.
+        history_length: steps of past actions and observations, l.
+        memory_matrix: (order, l * (2 + features)) float64; the past is newest first, actions before observations.
+        past_mean: (l * (2 + features),) float64.
+        cell: half the width of the middle cell, in standard deviations; (3.9) has 1.
+    """
+
+    kind: str
+    history_length: int
+    memory_matrix: NDArray[np.float64]
+    past_mean: NDArray[np.float64]
+    cell: float
+
+    @property
+    def order(self) -> int:
+        """Dimension of the state, n."""
+        return int(self.memory_matrix.shape[0])
+
+    @property
+    def states(self) -> int:
+        """Number of discrete states."""
+        return state_count(self.order)
+
+
+@dataclass(frozen=True)
+class Skill:
+    """A learned behaviour.
+
+    Attributes:
+        name: shoot, pass, avoid, search, or a name of your own.
+        drive: the drive it was learned with.
+        objects: the models whose discrete states make up the table's rows, the last one varying fastest.
+        values: (states, actions) float32 action values.
+        min_steps, max_steps: how long an action lasts; in between it ends when the state changes (3.3.1).
+        about: how it was learned (recipe, seed, trials), plain data.
+    """
+
+    name: str
+    drive: str
+    objects: tuple[ObjectModel, ...]
+    values: NDArray[np.float32]
+    min_steps: int
+    max_steps: int
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        states = int(np.prod([model.states for model in self.objects]))
+        if not self.objects or self.values.ndim != 2 or self.values.shape[0] != states:
+            raise ValueError(f"values must have one row for each of {states} states, got shape {self.values.shape}")
+        for model in self.objects:
+            if model.kind not in OBJECT_KINDS:
+                raise ValueError(f"object must be one of {', '.join(OBJECT_KINDS)}, got {model.kind!r}")
+            past = model.history_length * (INPUTS + OBJECT_KINDS[model.kind])
+            if model.memory_matrix.shape[1] != past or model.past_mean.shape != (past,):
+                raise ValueError(f"the memory matrix of {model.kind} must have {past} columns, got {model.memory_matrix.shape}")
+        if not 1 <= self.min_steps <= self.max_steps:
+            raise ValueError(f"expected 1 <= min_steps <= max_steps, got {self.min_steps} and {self.max_steps}")
+
+    @property
+    def actions(self) -> int:
+        """Number of actions of the drive."""
+        return int(self.values.shape[1])
+
+    @property
+    def policy(self) -> NDArray[np.int8]:
+        """(states,) the best action of each state; of equals the first."""
+        return np.argmax(self.values, axis=1).astype(np.int8)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of everything that decides what the skill does."""
+        digest = hashlib.sha256()
+        digest.update(f"{FORMAT} {self.drive} {self.min_steps} {self.max_steps}".encode())
+        digest.update(np.ascontiguousarray(self.values).tobytes())
+        for model in self.objects:
+            digest.update(f"{model.kind} {model.history_length} {model.cell!r}".encode())
+            digest.update(np.ascontiguousarray(model.memory_matrix).tobytes())
+            digest.update(np.ascontiguousarray(model.past_mean).tobytes())
+        return digest.hexdigest()
+
+    def save(self, path: Path) -> None:
+        """Write the skill as npz, whole or not at all; the same skill gives the same bytes."""
+        header = {
+            "format": FORMAT,
+            "name": self.name,
+            "drive": self.drive,
+            "min_steps": self.min_steps,
+            "max_steps": self.max_steps,
+            "objects": [
+                {"kind": m.kind, "history_length": m.history_length, "order": m.order, "cell": m.cell}
+                for m in self.objects
+            ],
+            "about": dict(self.about),
+            "digest": self.digest,
+        }
+        arrays: dict[str, NDArray[Any]] = {
+            "header": np.frombuffer(json.dumps(header, sort_keys=True).encode(), np.uint8),
+            "values": self.values,
+        }
+        for i, model in enumerate(self.objects):
+            arrays[f"memory_matrix_{i}"], arrays[f"past_mean_{i}"] = model.memory_matrix, model.past_mean
+        partial = path.with_name(path.name + ".partial")
+        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, array in arrays.items():
+                entry = zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0))
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                data = io.BytesIO()
+                np.lib.format.write_array(data, np.ascontiguousarray(array), allow_pickle=False)
+                archive.writestr(entry, data.getvalue())
+        os.replace(partial, path)
+
+
+def load_skill(source: str | Path) -> Skill:
+    """Read an installed skill by name, or a skill file by path.
+
+    Raises:
+        InputError: no such skill or file, or it is damaged or of another kind.
+    """
+    path = skill_path(source)
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except FileNotFoundError:
+        raise InputError(f"there is no skill file {path}") from None
+    except OSError as error:
+        raise InputError(f"cannot read the skill file {path}: {error.strerror or error}") from None
+    except (ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path} is not a skill file or is damaged ({error}); learn it again with 'coevo learn'") from None
+    try:
+        header = json.loads(bytes(arrays["header"]))
+        if header["format"] != FORMAT:
+            raise InputError(f"{path} has format {header['format']}, this version reads format {FORMAT}; learn it again")
+        objects = tuple(
+            ObjectModel(
+                str(item["kind"]),
+                int(item["history_length"]),
+                np.asarray(arrays[f"memory_matrix_{i}"], np.float64),
+                np.asarray(arrays[f"past_mean_{i}"], np.float64),
+                float(item["cell"]),
+            )
+            for i, item in enumerate(header["objects"])
+        )
+        skill = Skill(
+            str(header["name"]),
+            str(header["drive"]),
+            objects,
+            np.asarray(arrays["values"], np.float32),
+            int(header["min_steps"]),
+            int(header["max_steps"]),
+            dict(header["about"]),
+        )
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path} is not a skill file or is damaged ({error}); learn it again with 'coevo learn'") from None
+    if skill.digest != header["digest"]:
+        raise InputError(f"{path} is damaged: its contents do not match its digest; learn it again with 'coevo learn'")
+    return skill
+
+
+def _pretrained() -> Path:
+    return Path(str(importlib.resources.files("behaviors"))) / "pretrained"
+
+
+def installed_skills() -> list[str]:
+    """Return the names of the skills that came with the installation."""
+    order = {"shoot": 0, "pass": 1, "avoid": 2, "search": 3}
+    names = [folder.parent.name for folder in _pretrained().glob("*/skill.npz")]
+    return sorted(names, key=lambda name: (order.get(name, 9), name))
+
+
+def skill_path(source: str | Path) -> Path:
+    """Return where the skill named or pointed to by ``source`` is stored."""
+    text = str(source)
+    if isinstance(source, Path) or text.endswith(".npz") or os.sep in text:
+        path = Path(source)
+        return path / "skill.npz" if path.is_dir() else path
+    names = installed_skills()
+    if text not in names:
+        raise InputError(
+            f"there is no installed skill {text!r}.{nearest_name(text, names)} Installed: {', '.join(names) or 'none'};"
+            " a path of your own must end with .npz"
+        )
+    return _pretrained() / text / "skill.npz"
+
+
+def read_card(source: str | Path) -> dict[str, Any]:
+    """Return the card beside a skill: what it was measured at; empty if there is none."""
+    path = skill_path(source).with_name("card.json")
+    try:
+        card = json.loads(path.read_text(encoding="utf-8"))
+    except OSError:
+        return {}
+    except ValueError:
+        raise InputError(f"{path} is not valid JSON; make it again with 'coevo skills evaluate'") from None
+    return card if isinstance(card, dict) else {}

@@ -1,0 +1,128 @@
+"""Events: kick, pass, goal, collision, out of field."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coevo.compiled import helper
+from coevo.config import GameSettings, WorldSettings
+from coevo.soccer.physics import PhysicsParams
+
+__all__ = [
+    "EventParams",
+    "Events",
+    "clear_events",
+    "event_params",
+    "goal_scored",
+    "make_events",
+    "out_of_field",
+    "record_contacts",
+]
+
+
+class EventParams(NamedTuple):
+    """Distances [m] and times [steps] that decide what counts."""
+
+    contact_gap: float
+    release_gap: float
+    pass_window: int
+
+
+class Events(NamedTuple):
+    """What has happened in a game so far.
+
+    kicks, collisions, passes: (robots,) int64 counts.
+    touching: (robots, robots) bool, pairs of robots that have collided and not parted since.
+    last_touch: (1,) int64, who touched the ball last, -1 for nobody; touched_at: (1,) int64, when.
+    """
+
+    kicks: NDArray[np.int64]
+    collisions: NDArray[np.int64]
+    passes: NDArray[np.int64]
+    touching: NDArray[np.bool_]
+    last_touch: NDArray[np.int64]
+    touched_at: NDArray[np.int64]
+
+
+def event_params(world: WorldSettings, game: GameSettings) -> EventParams:
+    """Return what the kernels need of the settings."""
+    return EventParams(
+        contact_gap=world.physics.contact_gap_m,
+        release_gap=game.collision_release_m,
+        pass_window=round(game.pass_window_s / world.physics.step_s),
+    )
+
+
+def make_events(robots: int) -> Events:
+    """Make room for the events of a game of ``robots``."""
+    return Events(
+        *(np.zeros(robots, np.int64) for _ in range(3)),
+        touching=np.zeros((robots, robots), np.bool_),
+        last_touch=np.full(1, -1, np.int64),
+        touched_at=np.zeros(1, np.int64),
+    )
+
+
+@helper
+def clear_events(events: Events) -> None:
+    """Start a game with nothing having happened."""
+    events.kicks[:] = 0
+    events.collisions[:] = 0
+    events.passes[:] = 0
+    events.touching[:] = False
+    events.last_touch[0] = -1
+    events.touched_at[0] = 0
+
+
+@helper
+def record_contacts(
+    params: EventParams,
+    teams: NDArray[np.int64],
+    time: int,
+    ball_gap: NDArray[np.float64],
+    robot_gap: NDArray[np.float64],
+    events: Events,
+) -> None:
+    """Count what the smallest gaps of one step (see ``advance``) mean.
+
+    A kick is a step of contact with the ball. A pass is credited to A when a team mate B touches the ball within
+    the window after A, the last toucher, let it go. A collision is counted once, for both, until they part.
+    """
+    robots = teams.shape[0]
+    for r in range(robots):
+        if ball_gap[r] <= params.contact_gap:
+            events.kicks[r] += 1
+            last = events.last_touch[0]
+            if last >= 0 and last != r and teams[last] == teams[r] and time - events.touched_at[0] <= params.pass_window:
+                events.passes[last] += 1
+            events.last_touch[0] = r
+            events.touched_at[0] = time
+        for other in range(r):
+            gap = robot_gap[r, other]
+            if gap <= params.contact_gap:
+                if not events.touching[r, other]:
+                    events.touching[r, other] = True
+                    events.collisions[r] += 1
+                    events.collisions[other] += 1
+            elif gap > params.release_gap:
+                events.touching[r, other] = False
+
+
+@helper
+def goal_scored(physics: PhysicsParams, state: NDArray[np.float64]) -> int:
+    """Return the team in whose favour the ball's centre is behind a goal line, -1 if it is in play."""
+    x = state[state.shape[0] - 1, 0]
+    if x > physics.length:
+        return 0
+    if x < 0.0:
+        return 1
+    return -1
+
+
+@helper
+def out_of_field(physics: PhysicsParams, state: NDArray[np.float64], robot: int) -> bool:
+    """Tell whether a robot's centre is behind a goal line; elsewhere the walls hold it."""
+    return state[robot, 0] < 0.0 or state[robot, 0] > physics.length

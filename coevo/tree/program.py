@@ -1,0 +1,105 @@
+"""Trees as flat programs that a game walks from the root to one leaf."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coevo.compiled import entry
+from coevo.errors import InputError, nearest_name
+from coevo.tree.functions import SKILLS, FunctionSet
+from coevo.tree.text import Tree
+
+__all__ = ["Program", "compile_program", "from_codes", "measure", "tree_codes"]
+
+
+class Program(NamedTuple):
+    """A tree in prefix order.
+
+    codes: (nodes,) uint8, see FunctionSet; a skill's code is counted down from 255 (shoot 255, pass 254, ...), so
+        that programs do not depend on how many functions there are.
+    second: (nodes,) int32, where the second branch begins; the first begins at the next node.
+    """
+
+    codes: NDArray[np.uint8]
+    second: NDArray[np.int32]
+
+
+FIRST_SKILL = 255
+
+
+@entry
+def _link(codes: NDArray[np.uint8], functions: int, program: NDArray[np.uint8], second: NDArray[np.int32]) -> int:
+    """Fill program and second branches from prefix codes; return the depth, or -1 if they are no tree."""
+    nodes = codes.shape[0]
+    waiting = np.empty(nodes + 1, np.int32)
+    depth, deepest = 0, 0
+    for i in range(nodes):
+        if i > 0 and depth == 0:
+            return -1
+        code = int(codes[i])
+        second[i] = 0
+        if code < functions:
+            program[i] = code
+            waiting[depth] = i
+            depth += 1
+            continue
+        if code >= functions + 4:
+            return -1
+        program[i] = 255 - (code - functions)
+        deepest = max(deepest, depth)
+        while depth > 0 and second[waiting[depth - 1]] > 0:
+            depth -= 1
+        if depth > 0:
+            second[waiting[depth - 1]] = i + 1
+        elif i < nodes - 1:
+            return -1
+    if depth > 0 or nodes == 0:
+        return -1
+    return deepest
+
+
+def compile_program(codes: NDArray[np.uint8], functions: FunctionSet) -> Program:
+    """Return the flat program of a tree given as (nodes,) codes in prefix order."""
+    return measure(codes, functions)[0]
+
+
+def measure(codes: NDArray[np.uint8], functions: FunctionSet) -> tuple[Program, int]:
+    """Return the flat program and the depth of a tree given as (nodes,) codes in prefix order.
+
+    Raises:
+        InputError: the codes are no tree.
+    """
+    program, second = np.empty(len(codes), np.uint8), np.empty(len(codes), np.int32)
+    depth = _link(np.ascontiguousarray(codes, np.uint8), len(functions.functions), program, second)
+    if depth < 0:
+        raise InputError(f"a stored tree of {len(codes)} nodes is damaged: its codes do not make a tree")
+    return Program(program, second), int(depth)
+
+
+def tree_codes(tree: Tree, functions: FunctionSet) -> NDArray[np.uint8]:
+    """Return the node codes of a tree in prefix order.
+
+    Raises:
+        InputError: the tree asks about something this robot does not see.
+    """
+    try:
+        return np.array([functions.codes[name] for name in tree.names], np.uint8)
+    except KeyError as error:
+        name = str(error.args[0])
+        raise InputError(
+            f"tree: {name} is not in this robot's function set; it sees {', '.join(functions.objects)}."
+            f"{nearest_name(name, functions.names)}"
+        ) from None
+
+
+def from_codes(codes: Sequence[int] | NDArray[np.uint8], functions: FunctionSet) -> Tree:
+    """Return the tree of prefix codes."""
+    measure(np.asarray(codes, np.uint8), functions)
+    return Tree(tuple(functions.names[int(code)] for code in codes))
+
+
+assert len(SKILLS) == 4  # _link counts four skills

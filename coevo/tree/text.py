@@ -1,0 +1,132 @@
+"""Trees as values and as text: ``IF_ball_is_lost(search, shoot)``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from coevo.errors import InputError, nearest_name
+from coevo.tree.functions import CATEGORIES, SKILLS
+
+__all__ = ["Tree", "parse"]
+
+_FUNCTION = re.compile(r"IF_(ball|own_goal|opponent_goal|r\d+)_is_(\w+)")
+_TOKEN = re.compile(r"\s*([A-Za-z_]\w*|[(),])")
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A tree as the names of its nodes in prefix order; every IF has two branches, every skill is a leaf."""
+
+    names: tuple[str, ...]
+
+    def __str__(self) -> str:
+        parts: list[str] = []
+        open_branches: list[int] = []
+        for name in self.names:
+            parts.append(name)
+            if name.startswith("IF_"):
+                parts.append("(")
+                open_branches.append(2)
+                continue
+            while open_branches:
+                open_branches[-1] -= 1
+                if open_branches[-1]:
+                    parts.append(", ")
+                    break
+                open_branches.pop()
+                parts.append(")")
+        return "".join(parts)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def second(self) -> tuple[int, ...]:
+        """For each node where its second branch begins; 0 for a leaf."""
+        second = [0] * len(self.names)
+        waiting: list[int] = []
+        for position, name in enumerate(self.names):
+            if name.startswith("IF_"):
+                waiting.append(position)
+                continue
+            while waiting and second[waiting[-1]]:
+                waiting.pop()
+            if waiting:
+                second[waiting[-1]] = position + 1
+        return tuple(second)
+
+    @cached_property
+    def depths(self) -> tuple[int, ...]:
+        """Depth of each node; the root has 0."""
+        depths: list[int] = []
+        open_depths = [0]
+        for name in self.names:
+            depth = open_depths.pop()
+            depths.append(depth)
+            if name.startswith("IF_"):
+                open_depths += [depth + 1, depth + 1]
+        return tuple(depths)
+
+    @property
+    def depth(self) -> int:
+        """Depth of the deepest node; 0 for a single skill."""
+        return max(self.depths)
+
+    @property
+    def nodes(self) -> int:
+        """Number of functions and skills."""
+        return len(self.names)
+
+    def objects(self) -> set[str]:
+        """Return the objects that the tree asks about."""
+        return {name[3:].rsplit("_is_", 1)[0] for name in self.names if name.startswith("IF_")}
+
+
+def _tokens(text: str) -> Iterator[tuple[str, int]]:
+    position = 0
+    end = len(text.rstrip())
+    while position < end:
+        match = _TOKEN.match(text, position)
+        if match is None:
+            raise InputError(f"tree: unexpected {text[position]!r} at character {position + 1}")
+        yield match.group(1), match.start(1) + 1
+        position = match.end()
+
+
+def _check_name(name: str, at: int) -> None:
+    match = _FUNCTION.fullmatch(name)
+    if name in SKILLS or (match and match.group(2) in CATEGORIES):
+        return
+    known: Iterable[str] = [*SKILLS, *(f"IF_{o}_is_{c}" for o in ("ball", "own_goal", "opponent_goal", "r0", "r1", "r2") for c in CATEGORIES)]
+    raise InputError(f"tree: unknown name {name!r} at character {at}.{nearest_name(name, known)}")
+
+
+def parse(text: str) -> Tree:
+    """Read a tree such as ``IF_ball_is_left(shoot, IF_ball_is_lost(search, avoid))``.
+
+    Raises:
+        InputError: the text is no tree; says what was expected and where.
+    """
+    names: list[str] = []
+    # What may come next: a node, or a fixed mark. The stack keeps what must follow.
+    expected = ["node"]
+    for token, at in _tokens(text):
+        if not expected:
+            raise InputError(f"tree: expected the end after character {at - 1}, got {token!r}")
+        want = expected.pop()
+        if want != "node":
+            if token != want:
+                raise InputError(f"tree: expected {want!r} at character {at}, got {token!r}")
+            continue
+        if token in "(),":
+            raise InputError(f"tree: expected IF_..._is_... or a skill ({', '.join(SKILLS)}) at character {at}, got {token!r}")
+        _check_name(token, at)
+        names.append(token)
+        if token.startswith("IF_"):
+            expected += [")", "node", ",", "node", "("]
+    if expected:
+        raise InputError(f"tree: the text ends where {'a node' if expected[-1] == 'node' else repr(expected[-1])} was expected")
+    return Tree(tuple(names))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.compiled import entry, helper
+from coevo.compiled import entry, helper, is_compiled
 from coevo.config import CategorySettings, GameSettings, PlayerSettings, RunSettings
 from coevo.errors import InputError
 from coevo.skill import SkillBank, load_skill, make_bank
@@ -23,7 +23,7 @@ from coevo.soccer.rng import normal
 from coevo.soccer.world import World
 from coevo.tree import SKILLS, Program
 
-__all__ = ["Arena", "Outcome", "Trace"]
+__all__ = ["Arena", "Outcome", "Trace", "warm_up"]
 
 _FIRST_SKILL = 255
 
@@ -82,10 +82,12 @@ class Trace:
 
     states: (steps + 1, bodies, 6), from the start on; robots, then the ball.
     skills: (steps, robots) int8, chosen in each step, -1 for a robot without a tree.
+    actions: (steps, robots) int8, action of the drive in each step, -1 likewise.
     """
 
     states: NDArray[np.float64]
     skills: NDArray[np.int8]
+    actions: NDArray[np.int8]
 
 
 @helper
@@ -133,10 +135,11 @@ def _play(
     leaf_steps: NDArray[np.int64],
     trace_states: NDArray[np.float64],
     trace_skills: NDArray[np.int8],
+    trace_actions: NDArray[np.int8],
 ) -> bool:
     """Play one game a seed; return False if the bodies do not fit into their start regions.
 
-    ``trace_states`` (time limit + 1, bodies, 6) and ``trace_skills`` (time limit, robots) are filled when they are
+    ``trace_states`` (time limit + 1, bodies, 6), ``trace_skills`` and ``trace_actions`` (time limit, robots) are filled when they are
     not empty.
     """
     robots = rules.teams.shape[0]
@@ -167,7 +170,7 @@ def _play(
             for r in range(robots):
                 if not rules.evolves[r]:
                     if tracing:
-                        trace_skills[t, r] = -1
+                        trace_skills[t, r], trace_actions[t, r] = -1, -1
                     continue
                 features, areas = memory.features[r, :objects], memory.areas[r, :objects]
                 look(camera, state, r, rules.teams[r], masks, occupied, features, areas)
@@ -198,7 +201,7 @@ def _play(
                     commands[r, 0] *= 1.0 + physics.actuator_noise * normal(rng)
                     commands[r, 1] *= 1.0 + physics.actuator_noise * normal(rng)
                 if tracing:
-                    trace_skills[t, r] = chosen
+                    trace_skills[t, r], trace_actions[t, r] = chosen, action[r]
             advance(handles, physics, state, commands, ball_gap, robot_gap)
             record_contacts(event_rules, rules.teams, t, ball_gap, robot_gap, events)
             t += 1
@@ -247,15 +250,17 @@ class Arena:
         Raises:
             InputError: the bodies do not fit into the regions where they start.
         """
-        return self._run(programs, seeds, np.zeros((0, 0, 0)), np.zeros((0, 0), np.int8))
+        nothing = np.zeros((0, 0), np.int8)
+        return self._run(programs, seeds, np.zeros((0, 0, 0)), nothing, nothing)
 
     def trace(self, programs: Sequence[Program | None], seed: np.uint64) -> tuple[Outcome, Trace]:
         """Play one game and keep every step of it."""
         robots, limit = len(self.settings.players), self.settings.game.time_limit_steps
-        states, skills = np.zeros((limit + 1, robots + 1, 6)), np.zeros((limit, robots), np.int8)
-        outcome = self._run(programs, np.array([seed], np.uint64), states, skills)
+        states = np.zeros((limit + 1, robots + 1, 6))
+        skills, actions = np.zeros((limit, robots), np.int8), np.zeros((limit, robots), np.int8)
+        outcome = self._run(programs, np.array([seed], np.uint64), states, skills, actions)
         steps = int(outcome.steps[0])
-        return outcome, Trace(states[: steps + 1], skills[:steps])
+        return outcome, Trace(states[: steps + 1], skills[:steps], actions[:steps])
 
     def _run(
         self,
@@ -263,6 +268,7 @@ class Arena:
         seeds: NDArray[np.uint64],
         trace_states: NDArray[np.float64],
         trace_skills: NDArray[np.int8],
+        trace_actions: NDArray[np.int8],
     ) -> Outcome:
         robots, games = len(self.settings.players), len(seeds)
         empty = Program(np.zeros(0, np.uint8), np.zeros(0, np.int32))
@@ -304,6 +310,7 @@ class Arena:
             leaf_steps,
             trace_states,
             trace_skills,
+            trace_actions,
         )
         if not fits:
             raise InputError(
@@ -312,6 +319,20 @@ class Arena:
             )
         leaves = tuple(leaf_steps[start[i] : start[i + 1]] for i in range(robots))
         return Outcome(**{**outcome.__dict__, "leaf_steps": leaves})
+
+
+def warm_up(settings: RunSettings, tell: Callable[[str], None]) -> None:
+    """Load the machine code of games, or compile it, before workers need it.
+
+    Args:
+        settings: any experiment.
+        tell: receives a line if it has to be compiled, which takes a while and happens once.
+    """
+    if not is_compiled(_play):
+        tell("Compiling the games for this machine, once: about 15 s ...")
+    arena = Arena(settings)
+    stand = [None if p.control != "evolve" else Program(np.array([255], np.uint8), np.zeros(1, np.int32)) for p in settings.players]
+    arena.play(stand, np.zeros(0, np.uint64))
 
 
 def _mates(players: Sequence[PlayerSettings]) -> list[int]:

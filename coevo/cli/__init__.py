@@ -1,0 +1,84 @@
+"""The command line: the one place where everything is put together."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import sys
+from typing import Any
+
+import click
+
+from coevo.cli.bench import bench
+from coevo.cli.evolving import evolve, resume
+from coevo.cli.showing import inspect, play
+from coevo.errors import InputError, nearest_name
+
+__all__ = ["main"]
+
+
+class _Commands(click.Group):
+    """Commands of coevo, and those that other packages add as entry points ``coevo.commands``."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        own = super().list_commands(ctx)
+        return [*own, *sorted(point.name for point in _added() if point.name not in own)]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        command = super().get_command(ctx, cmd_name)
+        if command is None:
+            for point in _added():
+                if point.name == cmd_name:
+                    loaded: click.Command = point.load()
+                    return loaded
+        return command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
+            known = self.list_commands(ctx)
+            raise InputError(f"there is no command {args[0]!r}.{nearest_name(args[0], known)} Commands: {', '.join(known)}")
+        return super().resolve_command(ctx, args)
+
+
+def _added() -> Any:
+    return importlib.metadata.entry_points(group="coevo.commands")
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(package_name="coevo")
+def _cli() -> None:
+    """Co-evolve teams of robots: trees that choose among learned skills, tried out in vision-based soccer.
+
+    \b
+    Begin with:
+      coevo evolve smoke
+      coevo inspect runs/smoke-seed0
+      coevo play runs/smoke-seed0 --video game.html
+    """
+
+
+for _command in (evolve, resume, inspect, play, bench):
+    _cli.add_command(_command)
+
+
+def main() -> None:
+    """Run the command line; the exit code is 0 done, 1 failed, 2 wrong input, 130 stopped."""
+    try:
+        _cli.main(prog_name="coevo", standalone_mode=False)
+    except InputError as error:
+        click.echo(f"coevo: {error}", err=True)
+        sys.exit(2)
+    except click.ClickException as error:
+        hint = ""
+        if isinstance(error, click.UsageError) and error.ctx is not None:
+            hint = f" See '{error.ctx.command_path} --help'."
+        click.echo(f"coevo: {error.format_message()}{hint}", err=True)
+        sys.exit(2)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("coevo: stopped", err=True)
+        sys.exit(130)
+    except click.exceptions.Exit as stop:
+        sys.exit(stop.exit_code)
+    except BrokenPipeError:  # the reader of our output has gone, such as 'head'
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)

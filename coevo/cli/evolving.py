@@ -1,0 +1,206 @@
+"""coevo evolve, coevo resume."""
+
+from __future__ import annotations
+
+import os
+import time
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from coevo.config import RunSettings, check, override, read_toml
+from coevo.console import Progress, duration, emit, note, output_options, table
+from coevo.errors import InputError, nearest_name
+
+if TYPE_CHECKING:
+    from coevo.evolution import GenerationReport
+    from coevo.run import Run
+
+__all__ = ["evolve", "read_recipe", "resume"]
+
+
+def _presets() -> dict[str, Path]:
+    folder = Path(str(files("coevo"))) / "presets"
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
+def read_recipe(recipe: str) -> dict[str, Any]:
+    """Read a preset by name, or a TOML file by path, as plain data."""
+    if recipe.endswith(".toml") or os.sep in recipe:
+        return read_toml(Path(recipe))
+    presets = _presets()
+    if recipe not in presets:
+        raise InputError(
+            f"there is no preset {recipe!r}.{nearest_name(recipe, presets)} Presets: {', '.join(presets)};"
+            " a recipe of your own is a file that ends with .toml"
+        )
+    return read_toml(presets[recipe])
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _worker_options(command: Any) -> Any:
+    command = click.option(
+        "--backend",
+        type=click.Choice(["threads", "processes", "dask"]),
+        default="threads",
+        show_default=True,
+        help="What workers are; results do not depend on it.",
+    )(command)
+    return click.option(
+        "--workers", type=click.IntRange(min=1), default=_cores(), show_default=True, help="How many games at a time."
+    )(command)
+
+
+@click.command()
+@click.argument("recipe")
+@click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), help="Replaces the recipe's seed.")
+@click.option("--out", type=click.Path(path_type=Path), help="Run folder; by default runs/NAME-seedN.")
+@click.option("--generations", type=click.IntRange(min=1), help="Replaces gp.generations.")
+@_worker_options
+@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Replaces a setting; may be repeated.")
+@output_options
+def evolve(
+    *,
+    recipe: str,
+    seed: int | None,
+    out: Path | None,
+    generations: int | None,
+    workers: int,
+    backend: str,
+    assignments: tuple[str, ...],
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Co-evolve: RECIPE is the name of a preset or a TOML file.
+
+    \b
+    Presets: two-learners, stationary-opponent, three-learners, smoke.
+    Example: coevo evolve three-learners --seed 3 --set fitness.kind=varying
+    """
+    data = override(read_recipe(recipe), assignments)
+    if seed is not None:
+        data["seed"] = seed
+    if generations is not None:
+        data = override(data, [f"gp.generations={generations}"])
+    settings = check(RunSettings, data, recipe if recipe.endswith(".toml") else f"the preset {recipe}")
+    from coevo.run import create_run
+
+    run = create_run(out if out is not None else _default_folder(settings), settings)
+    note(f"Run folder: {run.path}", quiet=quiet)
+    _go_on(run, workers, backend, as_json=as_json, quiet=quiet)
+
+
+def _default_folder(settings: RunSettings) -> Path:
+    """Return the first free name."""
+    base = Path("runs") / f"{settings.name}-seed{settings.seed}"
+    path, number = base, 1
+    while path.exists():
+        number += 1
+        path = base.with_name(f"{base.name}-{number}")
+    return path
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@_worker_options
+@output_options
+def resume(*, folder: Path, workers: int, backend: str, as_json: bool, quiet: bool) -> None:
+    """Go on with an interrupted run from its last saved generation.
+
+    \b
+    Example: coevo resume runs/three-learners-seed0
+    """
+    from coevo.run import open_run
+
+    run = open_run(folder)
+    if run.is_finished:
+        note(f"{folder} is finished: all {run.config.gp.generations} generations are there.", quiet=quiet)
+        _summarise(run, 0.0, as_json=as_json)
+        return
+    _go_on(run, workers, backend, as_json=as_json, quiet=quiet)
+
+
+def _go_on(run: Run, workers: int, backend: str, *, as_json: bool, quiet: bool) -> None:
+    from coevo.evolution import evolve as evolve_run
+    from coevo.evolution.evaluation import Evaluator, check_backend
+    from coevo.game import warm_up
+
+    check_backend(backend)
+    release = run.lock()
+    began = time.perf_counter()
+    generations = run.config.gp.generations
+    try:
+        warm_up(run.config, lambda text: note(text, quiet=quiet))
+        state = run.checkpoint()
+        done = state.generation if state is not None else run.finished
+        if done:
+            note(f"Going on at generation {done} of {generations}.", quiet=quiet)
+        with Evaluator(run.config, workers=workers, backend=backend) as evaluator, Progress(generations, done=done, quiet=quiet) as progress:
+            since = time.perf_counter()
+
+            def report(of: GenerationReport) -> None:
+                now = time.perf_counter()
+                left = (now - since) / (of.generation + 1 - done) * (generations - of.generation - 1)
+                progress.step(_line(of, generations, left), done=of.generation + 1)
+
+            evolve_run(run, evaluator, report)
+    except KeyboardInterrupt:
+        note(f"Stopped; {run.finished} of {generations} generations are saved. Go on with: coevo resume {run.path}")
+        raise
+    finally:
+        release()
+    _summarise(run, time.perf_counter() - began, as_json=as_json)
+
+
+def _line(of: GenerationReport, generations: int, left: float) -> str:
+    robots = "  ".join(f"{name} {best:7.3f} / {of.mean[name]:7.3f}" for name, best in of.best.items())
+    rate = of.games / (of.playing_seconds + of.other_seconds)
+    return (
+        f"generation {of.generation + 1:3d}/{generations}  fitness best / mean  {robots}"
+        f"  {rate:6.0f} games/s  {duration(left)} left"
+    )
+
+
+def _summarise(run: Run, seconds: float, *, as_json: bool) -> None:
+    settings = run.config
+    last = settings.gp.generations - 1
+    robots: dict[str, dict[str, Any]] = {}
+    for robot in run.evolving:
+        best = run.record(last, f"r{robot}").iloc[0]
+        robots[f"r{robot}"] = {
+            "best_fitness": float(best["fitness"]),
+            "depth": int(best["depth"]),
+            "nodes": int(best["nodes"]),
+            "goals": int(best["goals"]),
+            "lost": int(best["lost"]),
+        }
+    games = settings.gp.generations * settings.gp.population * settings.evaluation.games
+    if as_json:
+        emit(
+            {
+                "run": str(run.path),
+                "seed": settings.seed,
+                "generations": settings.gp.generations,
+                "games": games,
+                "seconds": round(seconds, 3),
+                "robots": robots,
+            }
+        )
+        return
+    took = f" in {duration(seconds)}" if seconds else ""
+    click.echo(f"{settings.gp.generations} generations, {games} games{took}. The best of the last generation:")
+    rows = [
+        [name, f"{r['best_fitness']:.3f}", str(r["goals"]), str(r["lost"]), str(r["depth"]), str(r["nodes"])]
+        for name, r in robots.items()
+    ]
+    click.echo(table(["robot", "fitness", "goals", "lost", "depth", "nodes"], rows))
+    click.echo(f"(goals and lost: of {settings.evaluation.games} games; smaller fitness is better)")
+    click.echo(f"\nRun folder: {run.path}")
+    click.echo(f"  Look at a tree:   coevo inspect {run.path} --robot {next(iter(robots))} --simplified")
+    click.echo(f"  Watch them play:  coevo play {run.path} --video game.html")
+    click.echo(f"  Fitness curves:   {run.path / 'generations.csv'}")

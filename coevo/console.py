@@ -1,0 +1,92 @@
+"""What commands show: results on stdout, progress on stderr; shared by every package that adds a command."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Any, TypeVar
+
+import click
+
+__all__ = ["Progress", "duration", "emit", "note", "output_options", "table"]
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def output_options(command: _F) -> _F:
+    """Add --json and --quiet to a command, which receives them as ``as_json`` and ``quiet``."""
+    command = click.option("--quiet", "-q", is_flag=True, help="Show no progress.")(command)
+    return click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(command)
+
+
+def emit(data: dict[str, Any] | list[Any]) -> None:
+    """Print one JSON value on stdout."""
+    click.echo(json.dumps(data, indent=2, allow_nan=False))
+
+
+def note(text: str, *, quiet: bool = False) -> None:
+    """Print a line of progress on stderr."""
+    if not quiet:
+        click.echo(text, err=True)
+
+
+def duration(seconds: float) -> str:
+    """Return a time as a person reads it: ``4.2 s``, ``3:07 min`` or ``2:05 h``."""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    if seconds < 3600:
+        return f"{int(seconds) // 60}:{int(seconds) % 60:02d} min"
+    return f"{int(seconds) // 3600}:{int(seconds) // 60 % 60:02d} h"
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of text under a header, the first column to the left, the others to the right."""
+    widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
+
+    def line(row: Sequence[str]) -> str:
+        cells = [cell.ljust(width) if i == 0 else cell.rjust(width) for i, (cell, width) in enumerate(zip(row, widths, strict=True))]
+        return "  ".join(cells).rstrip()
+
+    return "\n".join([line(header), *(line(row) for row in rows)])
+
+
+class Progress:
+    """Progress of a long command on stderr: a live bar on a terminal, else a line a step, or nothing.
+
+    Args:
+        total: number of steps. done: how many were done before.
+        quiet: show nothing.
+    """
+
+    def __init__(self, total: int, *, done: int = 0, quiet: bool = False) -> None:
+        self._total, self._done, self._quiet = total, done, quiet
+        self._live: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Progress:
+        if not self._quiet and sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, TextColumn
+            from rich.progress import Progress as RichProgress
+
+            self._live = RichProgress(
+                BarColumn(bar_width=24), TextColumn("{task.description}"), console=Console(stderr=True), transient=True
+            )
+            self._task = self._live.add_task("", total=self._total, completed=self._done)
+            self._live.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def step(self, text: str, *, done: int) -> None:
+        """Show that ``done`` steps are done; ``text`` says how it goes."""
+        if self._quiet:
+            return
+        if self._live is not None:
+            self._live.update(self._task, completed=done, description=text)
+        else:
+            note(text)

@@ -1,0 +1,103 @@
+"""A population of trees for one robot: creation and variation by DEAP (Table 6.3)."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+from deap import base, gp, tools
+from numpy.typing import NDArray
+
+from coevo.config import GPSettings
+from coevo.tree import FunctionSet
+
+__all__ = ["Individual", "breed", "codes_of", "first_population", "from_codes"]
+
+_CREATION, _VARIATION = 0, 1
+
+
+class _Fitness(base.Fitness):  # type: ignore[misc]  # DEAP carries no types
+    """Smaller fitness first, then smaller depth."""
+
+    weights = (-1.0, -1.0)
+
+
+class Individual(gp.PrimitiveTree):  # type: ignore[misc]  # DEAP carries no types
+    """A tree of DEAP's nodes with its fitness and its depth (kept, as counting it anew is slow)."""
+
+    def __init__(self, content: Sequence[gp.Primitive | gp.Terminal]) -> None:
+        super().__init__(content)
+        self.fitness = _Fitness()
+
+
+@contextmanager
+def _seeded(*key: int) -> Iterator[None]:
+    """Give DEAP, which draws from Python's global generator, a stream of its own, and put the old one back."""
+    before = random.getstate()
+    random.seed(int(np.random.SeedSequence(list(key)).generate_state(1, np.uint64)[0]))
+    try:
+        yield
+    finally:
+        random.setstate(before)
+
+
+def codes_of(individual: Individual, functions: FunctionSet) -> NDArray[np.uint8]:
+    """Return the node codes of an individual in prefix order."""
+    codes = functions.codes
+    return np.array([codes[node.name] for node in individual], np.uint8)
+
+
+def from_codes(codes: NDArray[np.uint8], functions: FunctionSet) -> Individual:
+    """Return the individual of prefix codes."""
+    nodes = functions.nodes
+    return Individual([nodes[code] for code in codes.tolist()])
+
+
+def first_population(settings: GPSettings, functions: FunctionSet, *, seed: int, robot: int) -> list[Individual]:
+    """Return the first population of one robot: ramped half and half."""
+    primitives, low, high = functions.primitives, settings.creation_depth_min, settings.creation_depth_max
+    with _seeded(seed, _CREATION, robot):
+        return [Individual(gp.genHalfAndHalf(primitives, low, high)) for _ in range(settings.population)]
+
+
+def breed(
+    parents: Sequence[Individual], settings: GPSettings, functions: FunctionSet, *, seed: int, generation: int, robot: int
+) -> list[Individual]:
+    """Return the population of the next generation.
+
+    The best survive as they are; the rest comes from parents chosen by tournament, by crossover (a child deeper
+    than the limit is replaced by its parent), reproduction or mutation (a grown subtree).
+
+    Args:
+        parents: the population with its fitness assigned: (fitness, depth).
+        settings: Table 6.3.
+        functions: the robot's function set.
+        seed, generation, robot: identify the random stream; ``generation`` is that of the parents.
+    """
+    with _seeded(seed, _VARIATION, generation, robot):
+        limit = gp.staticLimit(key=lambda tree: tree.height, max_value=settings.crossover_depth_max)
+
+        @limit  # type: ignore[misc]  # DEAP carries no types
+        def cross(one: Individual, two: Individual) -> tuple[Individual, Individual]:
+            return gp.cxOnePointLeafBiased(one, two, termpb=settings.leaf_probability)  # type: ignore[no-any-return]
+
+        def subtree(pset: gp.PrimitiveSet, type_: object) -> list[gp.Primitive | gp.Terminal]:
+            return gp.genGrow(pset, 0, settings.mutation_depth_max, type_)  # type: ignore[no-any-return]
+
+        def select() -> Individual:
+            return tools.selTournament(parents, 1, settings.tournament)[0]  # type: ignore[no-any-return]
+
+        children = [Individual(parent) for parent in tools.selBest(parents, settings.elite)]
+        while len(children) < settings.population:
+            chance = random.random()
+            if chance < settings.crossover:
+                pair = cross(Individual(select()), Individual(select()))
+                children += [Individual(child) for child in pair]
+            elif chance < settings.crossover + settings.mutation:
+                mutant, = gp.mutUniform(Individual(select()), subtree, functions.primitives)
+                children.append(mutant)
+            else:
+                children.append(Individual(select()))
+        return children[: settings.population]

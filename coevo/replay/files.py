@@ -1,0 +1,39 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+
+from coevo.errors import InputError
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from collections.abc import Iterator
+
+__all__ = ["whole_file"]
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give the path of an empty file beside ``path`` to fill; it takes the place of ``path`` if all goes well.
+
+    Raises:
+        InputError: the file cannot be written there; what was there before stays.
+    """
+    # The suffix stays the last part: OpenCV tells the format by it.
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    try:
+        if path.is_dir():
+            raise InputError(f"cannot write {path}: it is a folder; give the name of a file in it")
+        partial.write_bytes(b"")
+        yield partial
+        partial.replace(path)
+    except FileNotFoundError:
+        raise InputError(f"cannot write {path}: there is no folder {path.parent}; make it first") from None
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
+    finally:
+        if partial.is_file():
+            partial.unlink()

@@ -1,0 +1,218 @@
+"""The field from above, drawn by OpenCV."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from coevo.replay import scene
+from coevo.soccer.field import walls
+from coevo.tree import SKILLS
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from coevo.config import RunSettings
+    from collections.abc import Sequence
+
+__all__ = ["Painter", "draw_frame", "frame_size"]
+
+Colour = tuple[int, int, int]
+Image = NDArray[np.uint8]
+
+_SHIFT = 4  # OpenCV takes coordinates in 1/16 of a pixel
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_SIGHT_OPACITY = 0.13
+
+
+def frame_size(settings: RunSettings, width: int) -> tuple[int, int]:
+    """Return (width, height) [px] of a frame that the field fills, both even as video codecs want them."""
+    field = settings.world.field
+    height = width * (field.width_m + 2.0 * field.wall_thickness_m) / _length_over_all(settings) + _header(
+        width
+    )
+    return width - width % 2, 2 * math.ceil(0.5 * height)
+
+
+def draw_frame(
+    settings: RunSettings,
+    state: ArrayLike,
+    skills: ArrayLike,
+    size: tuple[int, int],
+    *,
+    caption: tuple[str, str] = ("", ""),
+) -> Image:
+    """Draw one moment of a game from above; the blue goal, at x = 0, is on the left.
+
+    Args:
+        settings: the experiment.
+        state: (bodies, 6) float64, robots then the ball, as in a Trace.
+        skills: (robots,), the number of the skill each robot chooses, -1 for none.
+        size: width and height of the picture [px]; ``frame_size`` gives those that fit.
+        caption: what is written at the top, left and right.
+
+    Returns:
+        (height, width, 3) uint8, BGR.
+    """
+    return Painter(settings, size).draw(state, skills, caption)
+
+
+class Painter:
+    """Draws many frames of one size; what never moves is drawn once.
+
+    Args:
+        settings: the experiment.
+        size: width and height of the pictures [px].
+    """
+
+    def __init__(self, settings: RunSettings, size: tuple[int, int]) -> None:
+        self.settings = settings
+        width, height = size
+        field = settings.world.field
+        self._header = _header(width)
+        over_all = field.width_m + 2.0 * field.wall_thickness_m
+        self._scale = min(width / _length_over_all(settings), (height - self._header) / over_all)
+        self._left = 0.5 * (width - self._scale * field.length_m)
+        self._bottom = self._header + 0.5 * (height - self._header + self._scale * field.width_m)
+        self._text_scale = max(0.32, width / 1600.0)
+        self._sight = np.array(scene.seen_floor(settings.world.camera))
+        self._names = scene.robot_names(settings)
+        self._background = np.empty((height, width, 3), np.uint8)
+        self._draw_background()
+
+    def _px(self, points: ArrayLike) -> NDArray[np.int32]:
+        """Return pixel coordinates, in units of 1/16, of points (..., 2) on the field [m]."""
+        x, y = np.moveaxis(np.asarray(points, np.float64), -1, 0)
+        pixels = np.stack([self._left + self._scale * x, self._bottom - self._scale * y], -1)
+        return np.round((pixels - 0.5) * (1 << _SHIFT)).astype(
+            np.int32
+        )  # OpenCV counts from the pixel's centre
+
+    def _draw_background(self) -> None:
+        field, image = self.settings.world.field, self._background
+        image[:] = _bgr(scene.SURROUND)
+        length, depth = field.length_m, field.goal_depth_m
+        low, high = 0.5 * (field.width_m - field.goal_width_m), 0.5 * (field.width_m + field.goal_width_m)
+        self._rectangle((0.0, 0.0), (length, field.width_m), scene.FLOOR)
+        self._rectangle((-depth, low), (0.0, high), scene.TEAM_COLOURS[0])
+        self._rectangle((length, low), (length + depth, high), scene.TEAM_COLOURS[1])
+        if field.corner_panels:
+            cut = field.corner_panel_m
+            for x, inwards_x in ((0.0, cut), (length, -cut)):
+                for y, inwards_y in ((0.0, cut), (field.width_m, -cut)):
+                    corner = [(x, y), (x + inwards_x, y), (x, y + inwards_y)]
+                    cv2.fillPoly(image, [self._px(corner)], _bgr(scene.WALL), cv2.LINE_AA, _SHIFT)
+        radius = round(0.5 * field.wall_thickness_m * self._scale * (1 << _SHIFT))
+        for start, end in walls(field):
+            self._draw_wall(np.array(start), np.array(end), 0.5 * field.wall_thickness_m, radius)
+
+    def _rectangle(self, low: tuple[float, float], high: tuple[float, float], colour: str) -> None:
+        corners = [low, (high[0], low[1]), high, (low[0], high[1])]
+        cv2.fillPoly(self._background, [self._px(corners)], _bgr(colour), cv2.LINE_AA, _SHIFT)
+
+    def _draw_wall(
+        self, start: NDArray[np.float64], end: NDArray[np.float64], half: float, radius: int
+    ) -> None:
+        along = (end - start) / np.linalg.norm(end - start)
+        across = half * np.array([-along[1], along[0]])
+        corners = np.array([start + across, end + across, end - across, start - across])
+        cv2.fillPoly(self._background, [self._px(corners)], _bgr(scene.WALL), cv2.LINE_AA, _SHIFT)
+        for post in self._px([start, end]).tolist():
+            cv2.circle(self._background, post, radius, _bgr(scene.WALL), cv2.FILLED, cv2.LINE_AA, _SHIFT)
+
+    def draw(self, state: ArrayLike, skills: ArrayLike, caption: tuple[str, str]) -> Image:
+        """Draw one moment; arguments as of ``draw_frame``."""
+        image = self._background.copy()
+        poses = np.asarray(state, np.float64)[:, :3]
+        self._draw_sight(image, poses[:-1])
+        self._disc(image, poses[-1, :2], self.settings.world.ball.radius_m, scene.BALL)
+        for number, (x, y, heading) in enumerate(poses[:-1].tolist()):
+            self._draw_robot(image, number, x, y, heading)
+        for chosen, (x, y, _) in zip(np.asarray(skills).tolist(), poses[:-1].tolist(), strict=True):
+            if chosen >= 0:
+                self._draw_skill(image, SKILLS[chosen], x, y)
+        self._write_caption(image, caption)
+        return image
+
+    def _draw_sight(self, image: Image, robots: NDArray[np.float64]) -> None:
+        if not len(self._sight):
+            return
+        seen = image.copy()
+        for (x, y, heading), player in zip(robots.tolist(), self.settings.players, strict=True):
+            if player.control == "evolve":
+                cosine, sine = math.cos(heading), math.sin(heading)
+                corners = self._sight @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y)
+                cv2.fillConvexPoly(seen, self._px(corners), (255, 255, 255), cv2.LINE_AA, _SHIFT)
+        cv2.addWeighted(seen, _SIGHT_OPACITY, image, 1.0 - _SIGHT_OPACITY, 0.0, dst=image)
+
+    def _disc(self, image: Image, at: ArrayLike, radius_m: float, colour: str) -> None:
+        radius = round(radius_m * self._scale * (1 << _SHIFT))
+        cv2.circle(image, self._px(at).tolist(), radius, _bgr(colour), cv2.FILLED, cv2.LINE_AA, _SHIFT)
+
+    def _draw_robot(self, image: Image, number: int, x: float, y: float, heading: float) -> None:
+        radius, colour = self.settings.world.robot.radius_m, scene.ROBOT_COLOURS[number]
+        turned = np.array([heading - 0.45, heading, heading + 0.45])
+        nose = np.array([0.95, 1.45, 0.95]) * radius
+        corners = np.stack([x + nose * np.cos(turned), y + nose * np.sin(turned)], -1)
+        cv2.fillConvexPoly(image, self._px(corners), _bgr(scene.PAPER), cv2.LINE_AA, _SHIFT)
+        self._disc(image, (x, y), radius, scene.TEAM_COLOURS[self.settings.players[number].team])
+        self._disc(image, (x, y), 0.8 * radius, colour)
+        scale = max(0.3, 0.9 * self._text_scale)
+        self._write(image, self._names[number], self._centre(x, y), scale, _ink_on(colour))
+
+    def _draw_skill(self, image: Image, skill: str, x: float, y: float) -> None:
+        scale = 0.85 * self._text_scale
+        (width, height), _ = cv2.getTextSize(skill, _FONT, scale, 1)
+        below = self.settings.world.robot.radius_m * self._scale + 0.9 * height
+        centre_x, centre_y = self._centre(x, y)
+        pad = 0.4 * height
+        lowest = image.shape[0] - height - pad
+        down = centre_y + below if centre_y + below < lowest else centre_y - below
+        low, high = (
+            (centre_x - 0.5 * width - pad, down - 0.5 * height - pad),
+            (centre_x + 0.5 * width + pad, down + 0.5 * height + pad),
+        )
+        cv2.rectangle(image, _whole(low), _whole(high), _bgr(scene.SKILL_COLOURS[skill]), cv2.FILLED)
+        self._write(image, skill, (centre_x, down), scale, scene.INK)
+
+    def _centre(self, x: float, y: float) -> tuple[float, float]:
+        return self._left + self._scale * x, self._bottom - self._scale * y
+
+    @staticmethod
+    def _write(image: Image, text: str, centre: tuple[float, float], scale: float, colour: str) -> None:
+        (width, height), _ = cv2.getTextSize(text, _FONT, scale, 1)
+        corner = _whole((centre[0] - 0.5 * width, centre[1] + 0.5 * height))
+        cv2.putText(image, text, corner, _FONT, scale, _bgr(colour), 1, cv2.LINE_AA)
+
+    def _write_caption(self, image: Image, caption: tuple[str, str]) -> None:
+        margin = 0.5 * self._header
+        for text, at_right in zip(caption, (False, True), strict=True):
+            (width, _), _ = cv2.getTextSize(text, _FONT, self._text_scale, 1)
+            x = image.shape[1] - margin - 0.5 * width if at_right else margin + 0.5 * width
+            self._write(image, text, (x, 0.5 * self._header), self._text_scale, scene.PAPER)
+
+
+def _length_over_all(settings: RunSettings) -> float:
+    field = settings.world.field
+    return field.length_m + 2.0 * (field.goal_depth_m + field.wall_thickness_m)
+
+
+def _header(width: int) -> int:
+    return round(max(18.0, 0.036 * width))
+
+
+def _bgr(colour: str) -> Colour:
+    red, green, blue = bytes.fromhex(colour[1:])
+    return blue, green, red
+
+
+def _ink_on(colour: str) -> str:
+    """Return dark or light ink, whichever reads better on a colour."""
+    blue, green, red = _bgr(colour)
+    return scene.INK if 0.3 * red + 0.59 * green + 0.11 * blue > 140.0 else scene.PAPER
+
+
+def _whole(point: Sequence[float]) -> tuple[int, int]:
+    return round(point[0]), round(point[1])

@@ -1,0 +1,72 @@
+"""The trace file and the digest of trajectories."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from coevo.replay.files import whole_file
+from coevo.replay.scene import robot_names
+from coevo.tree import SKILLS
+
+if TYPE_CHECKING:
+    from coevo.config import RunSettings
+    from collections.abc import Sequence
+    from coevo.game import Trace
+
+__all__ = ["trace_digest", "write_trace"]
+
+_COLUMNS = ["game", "step", "body", "x_m", "y_m", "heading_rad", "skill"]
+
+
+def write_trace(path: str | Path, settings: RunSettings, traces: Sequence[Trace]) -> None:
+    """Write a row for each game, step and body as CSV: where it is and which skill it chooses there.
+
+    Step 0 is the start. ``skill`` is empty for the ball, for a robot without a tree and in the last state. Numbers
+    have the digits that make them the same again: read them with
+    ``pandas.read_csv(path, float_precision="round_trip")``.
+
+    Args:
+        path: the file to write, whole or not at all.
+        settings: the experiment that the games belong to.
+        traces: one for each game.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    bodies = np.array([*robot_names(settings), "ball"])
+    with whole_file(Path(path)) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        file.write(",".join(_COLUMNS) + "\n")
+        for game, trace in enumerate(traces):
+            _rows(game, bodies, trace).to_csv(file, header=False, index=False, lineterminator="\n")
+
+
+def _rows(game: int, bodies: np.ndarray[tuple[int], np.dtype[np.str_]], trace: Trace) -> pd.DataFrame:
+    states, count, _ = trace.states.shape
+    skills = np.full((states, count), -1)
+    skills[:-1, :-1] = trace.skills
+    x, y, heading = trace.states[:, :, :3].reshape(-1, 3).T
+    columns = [
+        np.full(states * count, game),
+        np.repeat(np.arange(states), count),
+        np.tile(bodies.astype(object), states),
+        x,
+        y,
+        heading,
+        np.array([*SKILLS, ""], object)[skills].ravel(),  # -1 is the last
+    ]
+    return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
+
+
+def trace_digest(traces: Sequence[Trace]) -> str:
+    """Return the SHA-256 of all trajectories, every bit of every state and every chosen skill, as hex digits."""
+    digest = hashlib.sha256(len(traces).to_bytes(8, "little"))
+    for trace in traces:
+        digest.update(np.array(trace.states.shape + trace.skills.shape, "<i8").tobytes())
+        digest.update(np.ascontiguousarray(trace.states, "<f8").tobytes())
+        digest.update(np.ascontiguousarray(trace.skills, "<i1").tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,180 @@
+"""Games as a video, an animation or a web page, by the suffix of the file."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import cv2
+import numpy as np
+
+from coevo.errors import InputError
+from coevo.replay.files import whole_file
+from coevo.replay.frame import Painter, frame_size
+from coevo.replay.page import make_page
+from coevo.replay.scene import TEAMS, score_before, winner
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from coevo.config import RunSettings
+    from collections.abc import Iterator, Sequence
+    from coevo.game import Trace
+
+__all__ = ["write_video"]
+
+# VP9 in MP4 plays in browsers and is a quarter of the size; MPEG-4 is what every OpenCV offers.
+_CODECS = ("vp09", "mp4v")
+_HOLD_S = 0.8  # the last frame of a game stands so long
+_GIF_STRIDE = 3
+_GIF_FRAMES = 600  # more than a minute; OpenCV wants all of them in memory
+_GIF_LONGEST_MS = 100
+_WIDTHS = range(160, 3841)
+
+
+class _Moment(NamedTuple):
+    """A frame to draw: game, step of it, and whether it is the game's last."""
+
+    game: int
+    step: int
+    last: bool
+
+
+def write_video(
+    path: str | Path,
+    settings: RunSettings,
+    traces: Sequence[Trace],
+    *,
+    fps: float = 30.0,
+    width: int | None = None,
+) -> None:
+    """Write games as ``.mp4`` (video), ``.gif`` (animation) or ``.html`` (one offline page that plays them).
+
+    A GIF has every third step at 30 frames a second; more games than fit into 600 frames are shown in time lapse.
+
+    Args:
+        path: the file to write, whole or not at all; its suffix decides.
+        settings: the experiment that the games belong to.
+        traces: at least one game.
+        fps: frames a second of an MP4, in real time.
+        width: of the picture [px]: 720 unless told, 480 for a GIF; a page takes the width it finds.
+
+    Raises:
+        InputError: the suffix is unknown, the file cannot be written, or this OpenCV cannot write the format.
+    """
+    path = Path(path)
+    writers = {".mp4": _write_mp4, ".gif": _write_gif, ".html": _write_page}
+    if path.suffix.lower() not in writers:
+        raise InputError(f"expected a video file ending in {', '.join(writers)}, got {path.name}")
+    if not traces:
+        raise InputError("expected at least one game to show, got none")
+    if width is not None and width not in _WIDTHS:
+        raise InputError(f"expected a width from {_WIDTHS[0]} to {_WIDTHS[-1]} px, got {width}")
+    if not 1.0 <= fps <= 1.0 / settings.world.physics.step_s + 1e-9 and path.suffix.lower() == ".mp4":
+        raise InputError(
+            f"expected 1 to {1.0 / settings.world.physics.step_s:g} frames a second, got {fps:g}"
+        )
+    writers[path.suffix.lower()](path, settings, traces, fps, width)
+
+
+def _write_page(
+    path: Path, settings: RunSettings, traces: Sequence[Trace], _fps: float, _width: int | None
+) -> None:
+    page = make_page(settings, traces)
+    with whole_file(path) as partial:
+        partial.write_text(page, encoding="utf-8")
+
+
+def _write_mp4(
+    path: Path, settings: RunSettings, traces: Sequence[Trace], fps: float, width: int | None
+) -> None:
+    size = frame_size(settings, width or 720)
+    moments = list(_moments(traces, 1.0 / (fps * settings.world.physics.step_s)))
+    hold = round(_HOLD_S * fps)
+    with whole_file(path) as partial:
+        writer = _open_writer(partial, fps, size)
+        try:
+            for moment, frame in zip(moments, _frames(settings, traces, moments, size), strict=True):
+                for _ in range(1 + hold * moment.last):
+                    writer.write(frame)
+        finally:
+            writer.release()
+        written, expected = _count_frames(partial), len(moments) + hold * len(traces)
+        if written != expected:  # OpenCV's writer reports nothing, not even a full disk
+            raise InputError(
+                f"cannot write {path}: {written} of {expected} frames arrived; is there space on the disk?"
+            )
+
+
+def _open_writer(path: Path, fps: float, size: tuple[int, int]) -> cv2.VideoWriter:
+    for codec in _CODECS:
+        writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*codec), fps, size)
+        if writer.isOpened():
+            return writer
+    raise InputError(
+        f"OpenCV {cv2.__version__} writes no MP4 here; install the wheel opencv-python-headless, or write .html or .gif"
+    )
+
+
+def _count_frames(path: Path) -> int:
+    reader = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    try:
+        return int(reader.get(cv2.CAP_PROP_FRAME_COUNT))
+    finally:
+        reader.release()
+
+
+def _write_gif(
+    path: Path, settings: RunSettings, traces: Sequence[Trace], _fps: float, width: int | None
+) -> None:
+    if not hasattr(cv2, "imencodeanimation"):
+        raise InputError(
+            f"OpenCV {cv2.__version__} writes no GIF; install opencv-python-headless 4.12 or newer, or write .html or .mp4"
+        )
+    size = frame_size(settings, width or 480)
+    steps = sum(len(trace.skills) for trace in traces)
+    stride = max(_GIF_STRIDE, math.ceil(steps / _GIF_FRAMES))
+    moments = list(_moments(traces, stride))
+    pause = round(min(1000.0 * stride * settings.world.physics.step_s, _GIF_LONGEST_MS))
+    animation = cv2.Animation()
+    animation.frames = list(_frames(settings, traces, moments, size))
+    animation.durations = [pause + round(1000.0 * _HOLD_S) * moment.last for moment in moments]
+    with whole_file(path) as partial:
+        done, data = cv2.imencodeanimation(".gif", animation)
+        if not done:
+            raise InputError(f"OpenCV {cv2.__version__} could not make the GIF; write .html or .mp4 instead")
+        partial.write_bytes(data.tobytes())
+
+
+def _moments(traces: Sequence[Trace], stride: float) -> Iterator[_Moment]:
+    """Yield the moments to draw, ``stride`` steps apart; the first and the last state of a game are always among them."""
+    for game, trace in enumerate(traces):
+        last = len(trace.skills)
+        for count in itertools.count():
+            step = round(count * stride)
+            if step >= last:
+                break
+            yield _Moment(game, step, last=False)
+        yield _Moment(game, last, last=True)
+
+
+def _frames(
+    settings: RunSettings, traces: Sequence[Trace], moments: Sequence[_Moment], size: tuple[int, int]
+) -> Iterator[NDArray[np.uint8]]:
+    painter = Painter(settings, size)
+    scores = score_before(settings, traces)
+    for game, step, last in moments:
+        trace = traces[game]
+        chosen = (
+            trace.skills[min(step, len(trace.skills) - 1)]
+            if len(trace.skills)
+            else np.full(len(settings.players), -1)
+        )
+        blue, yellow = scores[game + last]
+        left = f"game {game + 1}/{len(traces)}   {TEAMS[0]} {blue} : {yellow} {TEAMS[1]}"
+        if last:
+            team = winner(settings, trace)
+            left += f"   goal for {TEAMS[team]}!" if team >= 0 else "   time is up"
+        right = f"step {step}/{len(trace.skills)}   {step * settings.world.physics.step_s:.1f} s"
+        yield painter.draw(trace.states[step], chosen, (left, right))

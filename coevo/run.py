@@ -1,0 +1,366 @@
+"""A run folder: the only place that reads and writes one.
+
+``config.toml`` every setting, ``environment.json`` versions and digests, ``generations.csv`` a row a generation and
+robot, ``individuals.parquet`` a folder with a part a generation, ``checkpoint.npz`` the population that comes next.
+Each file is written whole under another name and then renamed, parts first and the checkpoint last, so a kill at
+any instant loses at most the generation under way. Nothing is in pickle.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import io
+import json
+import os
+import platform
+import subprocess
+import zipfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coevo.config import RunSettings, check, read_toml, to_toml
+from coevo.errors import InputError
+from coevo.tree import Tree, from_codes, function_set
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["COUNTS", "Checkpoint", "GenerationRecord", "Run", "create_run", "open_run"]
+
+COUNTS = ("goals", "lost", "kicks", "collisions", "steps")
+_COLUMNS = (
+    ["generation", "robot", "fitness_best", "fitness_mean", "fitness_worst", *COUNTS]
+    + [f"{size}_{which}" for size in ("depth", "nodes") for which in ("best", "mean", "worst")]
+)
+_FORMAT = 1
+_LIBRARIES = ("coevo", "deap", "joblib", "llvmlite", "numba", "numpy", "opencv-python-headless", "pandas", "pyarrow", "pymunk")
+
+
+@dataclass(frozen=True)
+class GenerationRecord:
+    """All individuals of one robot in one generation.
+
+    codes: per individual its tree, (nodes,) uint8 in prefix order.
+    group: (population,) int64, which group it played in. fitness: (population,) float64.
+    counts: by name of COUNTS (population,) int64, summed over its games. depth, nodes: (population,) int64.
+    """
+
+    robot: int
+    codes: Sequence[NDArray[np.uint8]]
+    group: NDArray[np.int64]
+    fitness: NDArray[np.float64]
+    counts: Mapping[str, NDArray[np.int64]]
+    depth: NDArray[np.int64]
+    nodes: NDArray[np.int64]
+
+    @property
+    def order(self) -> NDArray[np.int64]:
+        """(population,) indices from best to worst: by fitness, then depth, then index."""
+        return np.lexsort((np.arange(len(self.fitness)), self.depth, self.fitness)).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """What is needed to go on: the number of the next generation, and per robot its population's codes."""
+
+    generation: int
+    populations: Mapping[int, Sequence[NDArray[np.uint8]]]
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Turn failures of writing into messages for the user."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(
+            f"cannot write {path}: {reason}. What was saved before is intact; mend this and go on with 'coevo resume'"
+        ) from None
+
+
+def _write_whole(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all, even if the machine stops in between."""
+    partial = path.with_name(path.name + ".partial")
+    with _writing(path):
+        try:
+            with partial.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(partial, path)
+        except OSError:
+            partial.unlink(missing_ok=True)
+            raise
+
+
+def _npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, **{name: np.ascontiguousarray(array) for name, array in arrays.items()})  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def _digest(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.uint8]:
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        digest.update(f"{name} {arrays[name].dtype} {arrays[name].shape}".encode())
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return np.frombuffer(digest.digest(), np.uint8)
+
+
+class Run:
+    """A run on disk; made by ``create_run`` and ``open_run``."""
+
+    def __init__(self, path: Path, settings: RunSettings) -> None:
+        self.path = path
+        self.config = settings
+
+    # ------------------------------------------------------------------------------------------------ reading
+
+    @property
+    def generations(self) -> pd.DataFrame:
+        """``generations.csv``: a row a generation and robot."""
+        import pandas as pd
+
+        path = self.path / "generations.csv"
+        if not path.exists():
+            return pd.DataFrame(columns=_COLUMNS)
+        try:
+            return pd.read_csv(path)
+        except (ValueError, OSError) as error:
+            raise InputError(f"cannot read {path}: {error}") from None
+
+    @property
+    def individuals(self) -> pd.DataFrame:
+        """``individuals.parquet``: a row an individual of every finished generation."""
+        import pandas as pd
+
+        frames = [self._part(generation) for generation in range(self.finished)]
+        return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+    @cached_property
+    def evolving(self) -> list[int]:
+        """Numbers of the robots that evolve."""
+        return [i for i, player in enumerate(self.config.players) if player.control == "evolve"]
+
+    @property
+    def finished(self) -> int:
+        """Number of finished generations."""
+        count = 0
+        while self._part_path(count).exists():
+            count += 1
+        return count
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether every generation is there."""
+        return self.finished >= self.config.gp.generations
+
+    def _part_path(self, generation: int) -> Path:
+        return self.path / "individuals.parquet" / f"part-{generation:05d}.parquet"
+
+    def _part(self, generation: int) -> pd.DataFrame:
+        import pandas as pd
+
+        path = self._part_path(generation)
+        if not path.exists():
+            last = self.finished - 1
+            have = f"0 to {last}" if last >= 0 else "none yet"
+            raise InputError(f"{self.path} has no generation {generation}; finished generations: {have}")
+        try:
+            return pd.read_parquet(path)
+        except (OSError, ValueError) as error:
+            first = str(error).splitlines()[0]
+            raise InputError(f"{path} is damaged ({first}); run the experiment again from config.toml") from None
+
+    def record(self, generation: int, robot: str) -> pd.DataFrame:
+        """Return the individuals of one robot in one generation, best first (by fitness, depth, index)."""
+        names = [f"r{i}" for i in self.evolving]
+        if robot not in names:
+            raise InputError(f"{robot!r} does not evolve in this run; choose one of {', '.join(names)}")
+        part = self._part(generation)
+        rows = part[part["robot"] == robot].sort_values(["fitness", "depth", "index"], kind="stable")
+        return rows.reset_index(drop=True)
+
+    def tree(self, robot: str, generation: int, rank: int = 0) -> Tree:
+        """Return a tree of one robot; rank 0 is the best of the generation."""
+        rows = self.record(generation, robot)
+        if not 0 <= rank < len(rows):
+            raise InputError(f"rank must be from 0 to {len(rows) - 1}, got {rank}")
+        functions = function_set(int(robot[1:]), len(self.config.players))
+        return from_codes(np.asarray(rows["tree"][rank], np.uint8), functions)
+
+    def checkpoint(self) -> Checkpoint | None:
+        """Return what comes next, or None if no generation is finished.
+
+        Raises:
+            InputError: the checkpoint is damaged or belongs to another run.
+        """
+        path = self.path / "checkpoint.npz"
+        if not path.exists():
+            return None
+        remedy = "delete it and resume again: it is made anew from individuals.parquet"
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                arrays = {name: archive[name] for name in archive.files}
+            stored = arrays.pop("digest")
+            if not np.array_equal(stored, _digest(arrays)):
+                raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
+            if int(arrays["format"][0]) != _FORMAT:
+                raise InputError(f"{path} has format {int(arrays['format'][0])}, this version reads {_FORMAT}; {remedy}")
+            if bytes(arrays["run"]) != self._identity():
+                raise InputError(f"{path} belongs to another run: its settings are not those of config.toml; {remedy}")
+            populations = {}
+            for robot in self.evolving:
+                ends = np.cumsum(arrays[f"sizes_{robot}"])
+                populations[robot] = np.split(arrays[f"codes_{robot}"], ends[:-1])
+            return Checkpoint(int(arrays["generation"][0]), populations)
+        except InputError:
+            raise
+        except (ValueError, KeyError, IndexError, EOFError, OSError, zipfile.BadZipFile) as error:
+            raise InputError(f"{path} is damaged ({error}); {remedy}") from None
+
+    # ------------------------------------------------------------------------------------------------ writing
+
+    def _identity(self) -> bytes:
+        return hashlib.sha256(to_toml(self.config).encode()).digest()
+
+    def save_generation(self, generation: int, records: Sequence[GenerationRecord]) -> None:
+        """Write one generation: its rows in the table of generations, then its individuals."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        columns: dict[str, Any] = {}
+        total = sum(len(record.fitness) for record in records)
+        columns["generation"] = np.full(total, generation, np.int32)
+        columns["robot"] = pa.array([f"r{record.robot}" for record in records for _ in record.fitness])
+        columns["index"] = np.concatenate([np.arange(len(record.fitness), dtype=np.int32) for record in records])
+        columns["group"] = np.concatenate([record.group.astype(np.int32) for record in records])
+        columns["fitness"] = np.concatenate([record.fitness for record in records])
+        for name in COUNTS:
+            columns[name] = np.concatenate([record.counts[name].astype(np.int32) for record in records])
+        columns["depth"] = np.concatenate([record.depth.astype(np.int16) for record in records])
+        columns["nodes"] = np.concatenate([record.nodes.astype(np.int32) for record in records])
+        codes = [tree for record in records for tree in record.codes]
+        ends = np.cumsum([0, *(len(tree) for tree in codes)]).astype(np.int32)
+        columns["tree"] = pa.ListArray.from_arrays(pa.array(ends), pa.array(np.concatenate(codes)))
+        buffer = io.BytesIO()
+        pq.write_table(pa.table(columns), buffer, compression="zstd")
+        path = self._part_path(generation)
+        with _writing(path):
+            path.parent.mkdir(exist_ok=True)
+        self._save_table(generation, records)  # first: a part on disk promises that its rows are in the table
+        _write_whole(path, buffer.getvalue())
+
+    def _save_table(self, generation: int, records: Sequence[GenerationRecord]) -> None:
+        path = self.path / "generations.csv"
+        lines = [",".join(_COLUMNS)]
+        if path.exists():
+            kept = path.read_text(encoding="utf-8").splitlines()[1:]
+            lines += [line for line in kept if int(line.split(",", 1)[0]) < generation]
+        for record in records:
+            order = record.order
+            best, worst = int(order[0]), int(order[-1])
+            row: list[Any] = [generation, f"r{record.robot}"]
+            row += [float(record.fitness[best]), float(record.fitness.mean()), float(record.fitness[worst])]
+            row += [int(record.counts[name][best]) for name in COUNTS]
+            for sizes in (record.depth, record.nodes):
+                row += [int(sizes[best]), float(sizes.mean()), int(sizes[worst])]
+            lines.append(",".join(str(value) for value in row))
+        _write_whole(path, ("\n".join(lines) + "\n").encode())
+
+    def save_checkpoint(self, checkpoint: Checkpoint) -> None:
+        """Write what comes next."""
+        arrays: dict[str, NDArray[Any]] = {
+            "format": np.array([_FORMAT]),
+            "generation": np.array([checkpoint.generation]),
+            "run": np.frombuffer(self._identity(), np.uint8),
+        }
+        for robot, codes in checkpoint.populations.items():
+            arrays[f"sizes_{robot}"] = np.array([len(tree) for tree in codes], np.int64)
+            arrays[f"codes_{robot}"] = np.concatenate(codes)
+        arrays["digest"] = _digest(arrays)
+        _write_whole(self.path / "checkpoint.npz", _npz(arrays))
+
+    def lock(self) -> Callable[[], None]:
+        """Keep other processes from writing into this run; return what lets go of it."""
+        return _lock(self.path)
+
+
+def _lock(path: Path) -> Callable[[], None]:
+    try:
+        import fcntl
+    except ImportError:  # no such locks on this system
+        return lambda: None
+    with _writing(path):
+        file = (path / ".lock").open("w")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        file.close()
+        raise InputError(f"{path} is being written by another coevo process; wait for it or stop it") from None
+    return file.close
+
+
+def environment(settings: RunSettings) -> dict[str, Any]:
+    """Return what a run depends on besides its settings: versions, commit, digests of the skills."""
+    from coevo.skill import load_skill
+
+    skills = settings.skills
+    names = {"shoot": skills.shoot, "pass": skills.pass_, "avoid": skills.avoid, "search": skills.search}
+    return {
+        "python": platform.python_version(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        "versions": {name: importlib.metadata.version(name) for name in _LIBRARIES},
+        "commit": _commit(),
+        "skills": {name: load_skill(source).digest for name, source in names.items()},
+    }
+
+
+def _commit() -> str | None:
+    """Return the commit of the sources if they are a git checkout."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=5, check=False)  # noqa: S603 - fixed words
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None if done.returncode == 0 else None
+
+
+def create_run(path: Path, settings: RunSettings) -> Run:
+    """Make a run folder.
+
+    Raises:
+        InputError: there is a run already, or the folder cannot be written.
+    """
+    if (path / "config.toml").exists():
+        raise InputError(f"{path} holds a run already; go on with 'coevo resume {path}' or choose another --out")
+    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        raise InputError(f"{path} exists and is not an empty folder; choose another --out")
+    about = environment(settings)
+    with _writing(path):
+        path.mkdir(parents=True, exist_ok=True)
+    _write_whole(path / "environment.json", (json.dumps(about, indent=2) + "\n").encode())
+    _write_whole(path / "config.toml", to_toml(settings).encode())
+    return Run(path, settings)
+
+
+def open_run(path: str | Path) -> Run:
+    """Open a run folder for reading: ``.config``, ``.generations``, ``.individuals``, ``.tree(robot, generation, rank)``.
+
+    Raises:
+        InputError: there is no run, or its config.toml is wrong.
+    """
+    path = Path(path)
+    if not (path / "config.toml").exists():
+        what = "is not a run folder (it has no config.toml)" if path.exists() else "does not exist"
+        raise InputError(f"{path} {what}; start a run with 'coevo evolve'")
+    return Run(path, check(RunSettings, read_toml(path / "config.toml"), str(path / "config.toml")))

@@ -1,0 +1,112 @@
+"""Draw a tree: indented text, Graphviz' dot, or a picture in SVG. Branches may show how many steps passed them."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+
+from coevo.tree.text import Tree
+
+__all__ = ["as_dot", "as_svg", "as_text"]
+
+_COLOURS = {"shoot": "#c2410c", "pass": "#1d4ed8", "avoid": "#7c3aed", "search": "#047857"}
+_CELL_X, _CELL_Y, _BOX_H = 15.0, 58.0, 22.0
+
+
+def _label(name: str) -> str:
+    return name[3:].replace("_is_", " is ").replace("_", " ") + "?" if name.startswith("IF_") else name
+
+
+def _share(steps: Sequence[int] | None, node: int) -> float | None:
+    return None if steps is None or not steps[0] else float(steps[node]) / float(steps[0])
+
+
+def as_text(tree: Tree, steps: Sequence[int] | None = None) -> str:
+    """Return a line a node, indented by depth; ``steps``: (nodes,) how often each was passed."""
+    lines = []
+    marks = _branches(tree)
+    for node, (name, depth) in enumerate(zip(tree.names, tree.depths, strict=True)):
+        share = _share(steps, node)
+        use = "" if share is None else f"{share:7.1%}  "
+        lines.append(f"{use}{'  ' * depth}{marks[node]}{_label(name)}")
+    return "\n".join(lines)
+
+
+def _branches(tree: Tree) -> list[str]:
+    marks = [""] * tree.nodes
+    for node, second in enumerate(tree.second):
+        if second:
+            marks[node + 1], marks[second] = "yes: ", "no: "
+    return marks
+
+
+def as_dot(tree: Tree, steps: Sequence[int] | None = None) -> str:
+    """Return the tree for Graphviz."""
+    lines = ["digraph tree {", '  node [shape=box, style="rounded,filled", fillcolor=white, fontname="sans-serif"];']
+    for node, name in enumerate(tree.names):
+        share = _share(steps, node)
+        use = "" if share is None else f"\\n{share:.1%}"
+        look = "" if name.startswith("IF_") else f', color="{_COLOURS[name]}", fontcolor="{_COLOURS[name]}"'
+        lines.append(f'  n{node} [label="{_label(name)}{use}"{look}];')
+        if tree.second[node]:
+            lines.append(f'  n{node} -> n{node + 1} [label="yes"];')
+            lines.append(f'  n{node} -> n{tree.second[node]} [label="no"];')
+    return "\n".join([*lines, "}"])
+
+
+def _places(tree: Tree) -> list[float]:
+    """Return where each node stands across, in columns: leaves side by side, an IF above the middle of its branches."""
+    places = [0.0] * tree.nodes
+    column = 0.0
+    for node, second in enumerate(tree.second):
+        if not second:
+            width = max(3.2, 0.62 * len(_label(tree.names[node])) + 1.2)
+            places[node] = column + 0.5 * width
+            column += width
+    for node in range(tree.nodes - 1, -1, -1):
+        if tree.second[node]:
+            places[node] = 0.5 * (places[node + 1] + places[tree.second[node]])
+    return places
+
+
+def as_svg(tree: Tree, steps: Sequence[int] | None = None) -> str:
+    """Return the tree as an SVG picture: "yes" to the left; wider lines carried more steps, grey ones none."""
+    places, depths = _places(tree), tree.depths
+    margin = 70.0
+    xs = [margin + place * _CELL_X for place in places]
+    ys = [30.0 + depth * _CELL_Y for depth in depths]
+    width, height = max(xs) + margin, max(ys) + 40.0
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" viewBox="0 0 {width:.0f} {height:.0f}"'
+        ' font-family="sans-serif" font-size="11">',
+        f'<title>{html.escape(str(tree)[:200])}</title><rect width="100%" height="100%" fill="white"/>',
+    ]
+    for node, second in enumerate(tree.second):
+        for child, answer in ((node + 1, "yes"), (second, "no")) if second else ():
+            share = _share(steps, child)
+            used = share is None or share > 0.0
+            wide = 1.0 if share is None else 0.8 + 4.0 * share
+            parts.append(
+                f'<path d="M{xs[node]:.1f} {ys[node] + 11:.1f} L{xs[child]:.1f} {ys[child] - 11:.1f}" fill="none"'
+                f' stroke="{"#475569" if used else "#cbd5e1"}" stroke-width="{wide:.2f}"/>'
+            )
+            x, y = 0.5 * (xs[node] + xs[child]), 0.5 * (ys[node] + ys[child])
+            parts.append(
+                f'<text x="{x + (-4 if answer == "yes" else 4):.1f}" y="{y:.1f}" fill="#64748b" font-size="9"'
+                f' text-anchor="{"end" if answer == "yes" else "start"}">{answer}</text>'
+            )
+    for node, name in enumerate(tree.names):
+        text, share = _label(name), _share(steps, node)
+        box = 6.4 * len(text) + 12.0
+        unused = share is not None and share == 0.0
+        colour = "#94a3b8" if unused else _COLOURS.get(name, "#0f172a")
+        parts.append(
+            f'<rect x="{xs[node] - box / 2:.1f}" y="{ys[node] - 11:.1f}" width="{box:.1f}" height="{_BOX_H}" rx="6"'
+            f' fill="white" stroke="{colour}"/>'
+            f'<text x="{xs[node]:.1f}" y="{ys[node] + 4:.1f}" text-anchor="middle" fill="{colour}">{html.escape(text)}</text>'
+        )
+        if share is not None:
+            parts.append(
+                f'<text x="{xs[node]:.1f}" y="{ys[node] + 21:.1f}" text-anchor="middle" fill="#64748b" font-size="9">{share:.1%}</text>'
+            )
+    return "\n".join([*parts, "</svg>"])

@@ -1,0 +1,99 @@
+"""How a tree of a run is used: its games are played again, step for step, and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coevo.evolution.evaluation import group_seeds
+from coevo.game import Arena, warm_up
+from coevo.run import Run
+from coevo.soccer.rng import game_seed
+from coevo.tree import SKILLS, Program, Tree, compile_program, function_set
+
+__all__ = ["TreeUsage", "merge_usage", "play_seeds", "tree_usage"]
+
+_PLAY = 4
+
+
+@dataclass(frozen=True)
+class TreeUsage:
+    """What became of a tree in the games it was scored by.
+
+    node_steps: (nodes,) int64, in how many steps each node was passed. skill_use: share of the steps by skill.
+    steps: of all games.
+    """
+
+    node_steps: NDArray[np.int64]
+    skill_use: dict[str, float]
+    steps: int
+
+
+def play_seeds(seed: int, games: int) -> NDArray[np.uint64]:
+    """Return the seeds of games outside evolution."""
+    return np.array([game_seed(seed, _PLAY, game) for game in range(games)], np.uint64)
+
+
+def tree_usage(run: Run, generation: int, group: int, robot: str, tell: Callable[[str], None]) -> TreeUsage:
+    """Play the games of a group again and count where the tree of ``robot`` went.
+
+    Args:
+        run, generation, group, robot: which tree.
+        tell: receives a line if something has to be compiled first.
+    """
+    settings, robots = run.config, len(run.config.players)
+    warm_up(settings, tell)
+    programs: list[Program | None] = [None] * robots
+    for other in run.evolving:
+        rows = run.record(generation, f"r{other}")
+        member = rows[rows["group"] == group].iloc[0]
+        programs[other] = compile_program(np.asarray(member["tree"], np.uint8), function_set(other, robots))
+    seeds = group_seeds(settings.seed, generation, group, settings.evaluation.games)
+    outcome = Arena(settings).play(programs, seeds)
+    number = int(robot[1:])
+    program = programs[number]
+    assert program is not None
+    steps = int(outcome.steps.sum())
+    use = {name: float(count) / steps for name, count in zip(SKILLS, outcome.skill_steps[number], strict=True)}
+    return TreeUsage(_add_up(outcome.leaf_steps[number], program.second), use, steps)
+
+
+def _add_up(leaf_steps: NDArray[np.int64], second: Sequence[int] | NDArray[np.int32]) -> NDArray[np.int64]:
+    """Give each IF the steps of both its branches."""
+    steps = leaf_steps.copy()
+    for node in range(len(steps) - 1, -1, -1):
+        if second[node]:
+            steps[node] = steps[node + 1] + steps[second[node]]
+    return steps
+
+
+def merge_usage(tree: Tree, node_steps: NDArray[np.int64], smaller: Tree) -> NDArray[np.int64]:
+    """Return the steps of each node of a simplified tree, from those of the tree it was made of.
+
+    Each leaf of ``tree`` sends its steps down ``smaller`` along conditions that it fulfilled itself.
+    """
+    steps = np.zeros(smaller.nodes, np.int64)
+    for leaf, answers in _paths(tree):
+        if node_steps[leaf]:
+            node = 0
+            while smaller.second[node]:
+                node = node + 1 if answers[smaller.names[node]] else smaller.second[node]
+            steps[node] += node_steps[leaf]
+    return _add_up(steps, smaller.second)
+
+
+def _paths(tree: Tree) -> list[tuple[int, dict[str, bool]]]:
+    """Return each leaf with the answers to the conditions above it."""
+    found: list[tuple[int, dict[str, bool]]] = []
+    stack: list[tuple[int, dict[str, bool]]] = [(0, {})]
+    while stack:
+        node, answers = stack.pop()
+        if tree.second[node]:
+            stack.append((node + 1, {**answers, tree.names[node]: True}))
+            stack.append((tree.second[node], {**answers, tree.names[node]: False}))
+        else:
+            found.append((node, answers))
+    return found

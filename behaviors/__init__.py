@@ -1,0 +1,1 @@
+"""How skills are learned: local prediction models, tabular Q learning, recipes."""

@@ -220,20 +220,20 @@ class GPSettings(_Settings, frozen=True, kw_only=True):
 class FitnessWeights(_Settings, frozen=True, kw_only=True):
     """The constants of one fitness function, Table 6.2."""
 
-    goals: NonNegative = 1.0
-    lost: NonNegative
-    kicks: NonNegative
-    collisions: NonNegative
-    steps: NonNegative
-    enough_kicks: NonNegative = 4000.0
+    alpha_g: NonNegative = 1.0  # goals missing
+    alpha_l: NonNegative  # lost goals
+    alpha_k: NonNegative  # kicks missing to beta
+    alpha_c: NonNegative  # collisions
+    alpha_s: NonNegative  # steps
+    beta: NonNegative = 4000.0  # [T] steps of contact that are enough; 200 a game
 
 
 class FitnessSettings(_Settings, frozen=True, kw_only=True):
     """Which fitness function, and the constants of both; smaller is better."""
 
     kind: Literal["fixed", "varying"] = "fixed"
-    fixed: FitnessWeights = FitnessWeights(lost=0.5, kicks=1e-3, collisions=5e-3, steps=1e-4)  # [T]
-    varying: FitnessWeights = FitnessWeights(lost=1.0, kicks=1e-2, collisions=1e-2, steps=1e-2)  # [T]
+    fixed: FitnessWeights = FitnessWeights(alpha_l=0.5, alpha_k=1e-3, alpha_c=5e-3, alpha_s=1e-4)  # [T]
+    varying: FitnessWeights = FitnessWeights(alpha_l=1.0, alpha_k=1e-2, alpha_c=1e-2, alpha_s=1e-2)  # [T]
 
 
 class EvaluationSettings(_Settings, frozen=True, kw_only=True):

@@ -1,21 +1,21 @@
 """Fitness of a robot from what happened in its games; smaller is better (Uchibe 1999, 6.3.3).
 
-All arguments may be numbers or arrays of one shape: goals and lost goals of the robot's team, steps in which it
-touched the ball, its collisions, and the steps of all games together.
+Goals and lost goals are those of the robot's team, kicks the steps in which it touched the ball, collisions its
+own, steps those of all games together. All may be numbers or arrays of one shape. The weights carry the names of
+Table 6.2; ``t_max`` is the number of games.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from coevo.config import FitnessSettings, FitnessWeights
-from coevo.errors import InputError, nearest_name
+from coevo.config import FitnessSettings
 
 __all__ = ["fixed", "score", "varying"]
-
-_DEFAULTS = FitnessSettings()
-_WEIGHTS = ("goals", "lost", "kicks", "collisions", "steps", "enough_kicks")
 
 
 def _short_of(value: ArrayLike, enough: float) -> NDArray[np.float64]:
@@ -23,33 +23,28 @@ def _short_of(value: ArrayLike, enough: float) -> NDArray[np.float64]:
     return np.maximum(0.0, enough - np.asarray(value, np.float64))
 
 
-def _weights(defaults: FitnessWeights, given: dict[str, float]) -> dict[str, float]:
-    for name in given:
-        if name not in (*_WEIGHTS, "games"):
-            raise InputError(f"unknown weight {name!r}.{nearest_name(name, _WEIGHTS)} Known: {', '.join(_WEIGHTS)}, games")
-    return {"games": 20.0} | {name: getattr(defaults, name) for name in _WEIGHTS} | given
-
-
 def fixed(
-    goals: ArrayLike, lost: ArrayLike, kicks: ArrayLike, collisions: ArrayLike, steps: ArrayLike, **weights: float
+    goals: ArrayLike,
+    lost: ArrayLike,
+    kicks: ArrayLike,
+    collisions: ArrayLike,
+    steps: ArrayLike,
+    *,
+    alpha_g: float = 1.0,
+    alpha_l: float = 0.5,
+    alpha_k: float = 1e-3,
+    alpha_c: float = 5e-3,
+    alpha_s: float = 1e-4,
+    beta: float = 4000.0,
+    t_max: float = 20.0,
 ) -> NDArray[np.float64]:
-    """Return the fixed fitness (6.1).
-
-    Args:
-        goals, lost, kicks, collisions, steps: what happened, see above.
-        **weights: replace constants of Table 6.2: goals, lost, kicks, collisions, steps, enough_kicks; ``games``
-            is the number of games T_max (20).
-
-    Raises:
-        InputError: a weight is unknown.
-    """
-    w = _weights(_DEFAULTS.fixed, weights)
+    """Return the fixed fitness (6.1)."""
     return (
-        w["goals"] * _short_of(goals, w["games"])
-        + w["lost"] * np.asarray(lost, np.float64)
-        + w["kicks"] * _short_of(kicks, w["enough_kicks"])
-        + w["collisions"] * np.asarray(collisions, np.float64)
-        + w["steps"] * np.asarray(steps, np.float64)
+        alpha_g * _short_of(goals, t_max)
+        + alpha_l * np.asarray(lost, np.float64)
+        + alpha_k * _short_of(kicks, beta)
+        + alpha_c * np.asarray(collisions, np.float64)
+        + alpha_s * np.asarray(steps, np.float64)
     )
 
 
@@ -62,41 +57,51 @@ def varying(
     *,
     generation: int,
     generations: int,
-    **weights: float,
+    alpha_g: float = 1.0,
+    alpha_l: float = 1.0,
+    alpha_k: float = 1e-2,
+    alpha_c: float = 1e-2,
+    alpha_s: float = 1e-2,
+    beta: float = 4000.0,
+    t_max: float = 20.0,
 ) -> NDArray[np.float64]:
     """Return the varying fitness (6.3): kicks count less and less, collisions and time more and more.
 
     Args:
-        goals, lost, kicks, collisions, steps: what happened, see above.
-        generation, generations: g, from 0, and G.
-        **weights: as for ``fixed``.
-
-    Raises:
-        InputError: a weight is unknown.
+        goals, lost, kicks, collisions, steps: what happened.
+        generation: g, from 0.
+        generations: G, at least 1.
+        alpha_g, alpha_l, alpha_k, alpha_c, alpha_s, beta, t_max: see Table 6.2.
     """
-    w = _weights(_DEFAULTS.varying, weights)
     past = generation / generations
-    return (
-        w["goals"] * _short_of(goals, w["games"])
-        + w["lost"] * np.asarray(lost, np.float64)
-        + (1.0 - past) * w["kicks"] * _short_of(kicks, w["enough_kicks"])
-        + past * w["collisions"] * np.asarray(collisions, np.float64)
-        + past * w["steps"] * np.asarray(steps, np.float64)
+    return fixed(
+        goals,
+        lost,
+        kicks,
+        collisions,
+        steps,
+        alpha_g=alpha_g,
+        alpha_l=alpha_l,
+        alpha_k=(1.0 - past) * alpha_k,
+        alpha_c=past * alpha_c,
+        alpha_s=past * alpha_s,
+        beta=beta,
+        t_max=t_max,
     )
 
 
 def score(
     settings: FitnessSettings,
-    counts: dict[str, NDArray[np.int64]],
+    counts: Mapping[str, NDArray[np.int64]],
     *,
     games: int,
     generation: int,
     generations: int,
 ) -> NDArray[np.float64]:
-    """Return the fitness that the settings ask for; ``counts`` holds the five arguments of ``fixed`` by name."""
+    """Return the fitness that the settings ask for; ``counts`` holds goals, lost, kicks, collisions, steps."""
     chosen = settings.fixed if settings.kind == "fixed" else settings.varying
-    weights = {name: getattr(chosen, name) for name in _WEIGHTS} | {"games": float(games)}
-    given = (counts["goals"], counts["lost"], counts["kicks"], counts["collisions"], counts["steps"])
+    weights = msgspec.structs.asdict(chosen)
+    what = [counts[name] for name in ("goals", "lost", "kicks", "collisions", "steps")]
     if settings.kind == "fixed":
-        return fixed(*given, **weights)
-    return varying(*given, generation=generation, generations=generations, **weights)
+        return fixed(*what, **weights, t_max=float(games))
+    return varying(*what, generation=generation, generations=generations, **weights, t_max=float(games))

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import os
 from contextlib import contextmanager
-
-from coevo.errors import InputError
 from typing import TYPE_CHECKING
 
+from coevo.errors import InputError
+
 if TYPE_CHECKING:
-    from pathlib import Path
     from collections.abc import Iterator
+    from pathlib import Path
 
 __all__ = ["whole_file"]
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Give the path of an empty file beside ``path`` to fill; it takes the place of ``path`` if all goes well.
+    """Give an empty file beside ``path`` to fill; it takes the place of ``path`` if all goes well.
 
     Raises:
         InputError: the file cannot be written there; what was there before stays.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -11,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from coevo.replay import scene
 from coevo.soccer.field import walls
 from coevo.tree import SKILLS
-from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from coevo.config import RunSettings
     from collections.abc import Sequence
+
+    from coevo.config import RunSettings
 
 __all__ = ["Painter", "draw_frame", "frame_size"]
 
@@ -25,6 +26,7 @@ Image = NDArray[np.uint8]
 _SHIFT = 4  # OpenCV takes coordinates in 1/16 of a pixel
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _SIGHT_OPACITY = 0.13
+_LIGHT = 140.0
 
 
 def frame_size(settings: RunSettings, width: int) -> tuple[int, int]:
@@ -211,7 +213,7 @@ def _bgr(colour: str) -> Colour:
 def _ink_on(colour: str) -> str:
     """Return dark or light ink, whichever reads better on a colour."""
     blue, green, red = _bgr(colour)
-    return scene.INK if 0.3 * red + 0.59 * green + 0.11 * blue > 140.0 else scene.PAPER
+    return scene.INK if 0.3 * red + 0.59 * green + 0.11 * blue > _LIGHT else scene.PAPER
 
 
 def _whole(point: Sequence[float]) -> tuple[int, int]:

@@ -14,9 +14,11 @@ from coevo.soccer.field import walls
 from coevo.tree import SKILLS
 
 if TYPE_CHECKING:
-    from coevo.config import RunSettings
-    from numpy.typing import NDArray
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from coevo.config import RunSettings
     from coevo.game import Trace
 
 __all__ = ["make_page"]
@@ -25,8 +27,8 @@ __all__ = ["make_page"]
 def make_page(settings: RunSettings, traces: Sequence[Trace]) -> str:
     """Return an HTML page with a player and all games in it; it needs nothing from outside.
 
-    Positions are rounded to millimetres, headings to milliradians; each number is the difference to the one of the
-    step before, which keeps a page of twenty games well below a megabyte.
+    Positions are rounded to millimetres, headings to milliradians; each number is the difference to the one
+    of the step before, which keeps a page of twenty games well below a megabyte.
     """
     template = resources.files("coevo.replay").joinpath("player.html").read_text(encoding="utf-8")
     data = json.dumps(_describe(settings, traces), separators=(",", ":"), ensure_ascii=True)

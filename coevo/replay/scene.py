@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from coevo.tree import SKILLS
 
 if TYPE_CHECKING:
-    from coevo.config import CameraSettings, RunSettings
     from collections.abc import Sequence
+
+    from coevo.config import CameraSettings, RunSettings
     from coevo.game import Trace
 
 __all__ = [
@@ -29,7 +30,7 @@ __all__ = [
     "winner",
 ]
 
-# A team is named after the goal it defends: team 0 the blue one at x = 0, team 1 the yellow one at x = length.
+# A team is named after the goal it defends: team 0 the blue one at x = 0, team 1 the yellow one.
 TEAMS = ("blue", "yellow")
 TEAM_COLOURS = ("#1d5fe0", "#f7c800")
 ROBOT_COLOURS = ("#8b5cf6", "#f472b6", "#f1f5f9", "#8a4b14", "#1f2937", "#22d3ee")
@@ -69,7 +70,7 @@ def score_before(settings: RunSettings, traces: Sequence[Trace]) -> list[tuple[i
 def seen_floor(camera: CameraSettings) -> list[tuple[float, float]]:
     """Return the corners of the floor that the camera sees, nearest 2 m: forward and to the left of it [m].
 
-    The sides of the image are planes, so the piece of floor is a trapezium; it is empty if the camera looks up.
+    The sides of the image are planes, so the floor seen is a trapezium; it is empty if the camera looks up.
     """
     down, half = math.radians(-camera.tilt_deg), math.radians(0.5 * camera.vertical_view_deg)
     lowest, highest = down + half, down - half

@@ -14,8 +14,9 @@ from coevo.replay.scene import robot_names
 from coevo.tree import SKILLS
 
 if TYPE_CHECKING:
-    from coevo.config import RunSettings
     from collections.abc import Sequence
+
+    from coevo.config import RunSettings
     from coevo.game import Trace
 
 __all__ = ["trace_digest", "write_trace"]
@@ -26,8 +27,8 @@ _COLUMNS = ["game", "step", "body", "x_m", "y_m", "heading_rad", "skill"]
 def write_trace(path: str | Path, settings: RunSettings, traces: Sequence[Trace]) -> None:
     """Write a row for each game, step and body as CSV: where it is and which skill it chooses there.
 
-    Step 0 is the start. ``skill`` is empty for the ball, for a robot without a tree and in the last state. Numbers
-    have the digits that make them the same again: read them with
+    Step 0 is the start. ``skill`` is empty for the ball, for a robot without a tree and in the last state.
+    Numbers have all the digits that make them the same again; they come back exactly by
     ``pandas.read_csv(path, float_precision="round_trip")``.
 
     Args:
@@ -63,7 +64,7 @@ def _rows(game: int, bodies: np.ndarray[tuple[int], np.dtype[np.str_]], trace: T
 
 
 def trace_digest(traces: Sequence[Trace]) -> str:
-    """Return the SHA-256 of all trajectories, every bit of every state and every chosen skill, as hex digits."""
+    """Return the SHA-256 of all trajectories, every bit of the states and the skills, as hex digits."""
     digest = hashlib.sha256(len(traces).to_bytes(8, "little"))
     for trace in traces:
         digest.update(np.array(trace.states.shape + trace.skills.shape, "<i8").tobytes())

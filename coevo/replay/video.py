@@ -17,9 +17,11 @@ from coevo.replay.page import make_page
 from coevo.replay.scene import TEAMS, score_before, winner
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-    from coevo.config import RunSettings
     from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from coevo.config import RunSettings
     from coevo.game import Trace
 
 __all__ = ["write_video"]
@@ -51,7 +53,7 @@ def write_video(
 ) -> None:
     """Write games as ``.mp4`` (video), ``.gif`` (animation) or ``.html`` (one offline page that plays them).
 
-    A GIF has every third step at 30 frames a second; more games than fit into 600 frames are shown in time lapse.
+    A GIF shows every third step; games that would need more than about 600 frames are shown in time lapse.
 
     Args:
         path: the file to write, whole or not at all; its suffix decides.
@@ -113,7 +115,8 @@ def _open_writer(path: Path, fps: float, size: tuple[int, int]) -> cv2.VideoWrit
         if writer.isOpened():
             return writer
     raise InputError(
-        f"OpenCV {cv2.__version__} writes no MP4 here; install the wheel opencv-python-headless, or write .html or .gif"
+        f"OpenCV {cv2.__version__} writes no MP4 here;"
+        " install the wheel opencv-python-headless, or write .html or .gif"
     )
 
 
@@ -130,7 +133,8 @@ def _write_gif(
 ) -> None:
     if not hasattr(cv2, "imencodeanimation"):
         raise InputError(
-            f"OpenCV {cv2.__version__} writes no GIF; install opencv-python-headless 4.12 or newer, or write .html or .mp4"
+            f"OpenCV {cv2.__version__} writes no GIF;"
+            " install opencv-python-headless 4.12 or newer, or write .html or .mp4"
         )
     size = frame_size(settings, width or 480)
     steps = sum(len(trace.skills) for trace in traces)
@@ -148,7 +152,7 @@ def _write_gif(
 
 
 def _moments(traces: Sequence[Trace], stride: float) -> Iterator[_Moment]:
-    """Yield the moments to draw, ``stride`` steps apart; the first and the last state of a game are always among them."""
+    """Yield the moments to draw, ``stride`` steps apart, with the first and the last state of each game."""
     for game, trace in enumerate(traces):
         last = len(trace.skills)
         for count in itertools.count():

@@ -1,0 +1,1 @@
+"""The soccer world: field, robots, physics, cameras, events."""

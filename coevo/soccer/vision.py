@@ -1,17 +1,17 @@
 """The on-board camera through OpenCV: paint what a robot sees, and find objects by their colour.
 
 ``coevo.soccer.camera`` computes the same features without an image, and is what games use. This path shows a
-person what a robot sees, at any size, and is the way in for real camera frames: ``extract`` needs only an image.
+person what a robot sees, at any size, and is the way in for camera frames: ``extract`` needs only an image.
 
-A pixel shows what the ray through its centre hits. OpenCV's fills paint the outline of a polygon too, and so make
-everything half a pixel larger all round. ``render`` first shrinks each polygon by that, paints an image
+A pixel shows what the ray through its centre hits. OpenCV's fills paint the outline of a polygon too, and so
+make everything half a pixel larger all round. ``render`` shrinks each polygon by that much, paints an image
 ``supersample`` times finer, where corners and roundings matter less, and keeps the middle of each block.
 
-Colours are told apart by hue alone (OpenCV's, 0 to 179, in steps of two degrees), within ``HUE_TOLERANCE`` of:
+Colours are told apart by hue alone (OpenCV's, 0 to 179, steps of 2 degrees), within ``HUE_TOLERANCE`` of:
     ball: red, 0
     goals: blue, 120, at x = 0, and yellow, 30, at x = length
     robots r0 to r5: cyan 90, magenta 150, orange 15, violet 135, azure 105, rose 165
-The floor is green, 60; walls and what lies behind them are too pale to have a hue (``MIN_SATURATION``).
+The floor is green, 60; walls and what lies behind them are too pale to have a hue (``_MIN_SATURATION``).
 """
 
 from __future__ import annotations
@@ -25,49 +25,33 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from coevo.errors import InputError
-from coevo.soccer.camera import (
-    BALL,
-    FEATURES,
-    OPPONENT_GOAL,
-    OWN_GOAL,
-    ROBOTS,
-    CameraParams,
-    camera_params,
-    object_count,
-)
+from coevo.soccer import camera as analytic
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from coevo.config import WorldSettings
 
-__all__ = [
-    "BALL_HUE",
-    "GOAL_HUES",
-    "HUE_TOLERANCE",
-    "MIN_SATURATION",
-    "MIN_VALUE",
-    "ROBOT_HUES",
-    "colour_regions",
-    "extract",
-    "render",
-]
+__all__ = ["BALL_HUE", "GOAL_HUES", "HUE_TOLERANCE", "ROBOT_HUES", "colour_regions", "extract", "render"]
 
 BALL_HUE = 0
 GOAL_HUES = (120, 30)  # at x = 0, at x = length
 ROBOT_HUES = (90, 150, 15, 135, 105, 165)  # of r0, r1, ...
 HUE_TOLERANCE = 7  # neighbouring hues are 15 apart
-MIN_SATURATION, MIN_VALUE = 100, 80  # of 255: paler or darker pixels belong to no object
+_MIN_SATURATION, _MIN_VALUE = 100, 80  # of 255: paler or darker pixels belong to no object
 
 Image = NDArray[np.uint8]
 _Colour = tuple[float, float, float]  # blue, green, red
+_FLOOR_HUE = 60
 _HALF_TURN = 90  # of OpenCV's hue
 _SATURATION, _BRIGHT, _SHADED = 225, 235, 200
 _BACKGROUND: _Colour = (205, 190, 180)
-_ALONG, _ACROSS, _PANEL = (250, 250, 250), (235, 235, 235), (242, 242, 242)  # so that one sees where walls meet
+# Walls differ, so that one sees where they meet.
+_ALONG, _ACROSS, _PANEL = (250, 250, 250), (235, 235, 235), (242, 242, 242)
 _WALL_HEIGHT_M = 0.5  # no setting, as walls have no features
 _HALF_OUTLINE = 48  # points of half a circle
 _SHIFT = 6  # bits after the point of OpenCV's coordinates
+_TINY = 1e-3  # pixels, or radians: two points or two directions that are one
 
 
 def _paint(hue: int, value: int) -> _Colour:
@@ -78,7 +62,7 @@ def _paint(hue: int, value: int) -> _Colour:
 class _Canvas:
     """An image, and the way to its pixels from places on the field."""
 
-    def __init__(self, camera: CameraParams, width: int, height: int, pose: Sequence[float]) -> None:
+    def __init__(self, camera: analytic.CameraParams, width: int, height: int, pose: Sequence[float]) -> None:
         self.image = np.full((height, width, 3), _BACKGROUND, np.uint8)
         self.camera = camera
         self.x, self.y, self._heading = pose
@@ -110,7 +94,7 @@ class _Canvas:
 
 
 def _cut(rays: NDArray[np.float64], inside: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cut off the part of an outline where ``inside``, linear in the rays, is negative (Sutherland-Hodgman)."""
+    """Cut an outline off where ``inside``, linear in the rays, is negative (Sutherland and Hodgman)."""
     kept = inside >= 0.0
     if kept.all():
         return rays
@@ -126,30 +110,21 @@ def _cut(rays: NDArray[np.float64], inside: NDArray[np.float64]) -> NDArray[np.f
 
 def _shrink(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Move each side of a convex polygon inwards by what OpenCV's outline adds: half a pixel along x or y."""
-    sides = np.roll(points, -1, axis=0) - points
-    points = points[np.hypot(sides[:, 0], sides[:, 1]) > 1e-3]  # noqa: PLR2004  (no direction to move in)
-    following = np.roll(points, -1, axis=0)
-    area = float(np.sum(points[:, 0] * following[:, 1] - points[:, 1] * following[:, 0]))
-    if area == 0.0:
-        return points[:0]
-    sides = np.sign(area) * (following - points)
-    inwards = np.stack([-sides[:, 1], sides[:, 0]], axis=1) / np.hypot(sides[:, 0], sides[:, 1])[:, None]
-    before = np.roll(inwards, 1, axis=0)
-    step = 0.5 * np.abs(inwards).max(axis=1)
-    step_before = np.roll(step, 1)
-    sine = before[:, 0] * inwards[:, 1] - before[:, 1] * inwards[:, 0]
-    straight = np.abs(sine) < 1e-6  # noqa: PLR2004
-    corner = np.stack(
-        [
-            step_before * inwards[:, 1] - step * before[:, 1],
-            step * before[:, 0] - step_before * inwards[:, 0],
-        ],
-        axis=1,
-    ) / np.where(straight, 1.0, sine)[:, None]
-    moved = points + np.where(straight[:, None], inwards * step[:, None], corner)
-    following = np.roll(moved, -1, axis=0)
-    left = float(np.sum(moved[:, 0] * following[:, 1] - moved[:, 1] * following[:, 0]))
-    return moved if left * area > 0.0 else points  # too small to shrink
+    place = points[:, 0] + 1j * points[:, 1]
+    place = place[np.abs(np.roll(place, -1) - place) > _TINY]
+    area = np.vdot(place, np.roll(place, -1)).imag
+    sides = np.roll(place, -1) - place
+    inwards = 1j * np.sign(area) * sides / np.abs(sides)
+    step = 0.5 * np.maximum(np.abs(inwards.real), np.abs(inwards.imag))
+    inwards_before, step_before = np.roll(inwards, 1), np.roll(step, 1)
+    # A corner moves to where its two sides, moved, meet.
+    sine = (inwards_before.conj() * inwards).imag
+    straight = np.abs(sine) < _TINY
+    corner = 1j * (step * inwards_before - step_before * inwards) / np.where(straight, 1.0, sine)
+    moved = place + np.where(straight, step * inwards, corner)
+    if np.vdot(moved, np.roll(moved, -1)).imag * area <= 0.0:
+        moved = place  # too small to shrink
+    return np.stack([moved.real, moved.imag], axis=1)
 
 
 def _paint_field(canvas: _Canvas, world: WorldSettings) -> None:
@@ -158,23 +133,17 @@ def _paint_field(canvas: _Canvas, world: WorldSettings) -> None:
     length, width, low, high = field.length_m, field.width_m, camera.mouth_low, camera.mouth_high
     far, cut = 1e3 * length, field.corner_panel_m if field.corner_panels else 0.0
     floor = [(-far, -far, 0.0), (far, -far, 0.0), (far, far, 0.0), (-far, far, 0.0)]
-    canvas.fill(canvas.rays(floor), _paint(60, 150))
+    canvas.fill(canvas.rays(floor), _paint(_FLOOR_HUE, 150))
     blue, yellow = (_paint(hue, _BRIGHT) for hue in GOAL_HUES)
-    # Counter-clockwise, each from where the one before ends.
-    plan: list[tuple[float, float, _Colour]] = [
+    plan: list[tuple[float, float, _Colour]] = [  # counter-clockwise, each from where the one before ends
         (length - cut, 0.0, _ALONG),
         (length, cut, _PANEL),
         (length, low, _ACROSS),
         (length, high, yellow),
         (length, width - cut, _ACROSS),
         (length - cut, width, _PANEL),
-        (cut, width, _ALONG),
-        (0.0, width - cut, _PANEL),
-        (0.0, high, _ACROSS),
-        (0.0, low, blue),
-        (0.0, cut, _ACROSS),
-        (cut, 0.0, _PANEL),
     ]
+    plan += [(length - x, width - y, blue if colour == yellow else colour) for x, y, colour in plan]
     for k, (x, y, colour) in enumerate(plan):
         from_x, from_y, _ = plan[k - 1]
         if (x - from_x) * (canvas.y - from_y) > (y - from_y) * (canvas.x - from_x):  # seen from inside
@@ -221,8 +190,7 @@ def _paint_robot(canvas: _Canvas, x: float, y: float, hue: int) -> None:
 
 def _check(robots: int, robot: int) -> None:
     if not 0 <= robot < robots <= len(ROBOT_HUES):
-        known = len(ROBOT_HUES)
-        raise InputError(f"expected one of 1 to {known} robots, as {known} have a hue; got {robot} of {robots}")
+        raise InputError(f"expected a robot of 1 to {len(ROBOT_HUES)}, got number {robot} of {robots}")
 
 
 def render(
@@ -230,8 +198,7 @@ def render(
     state: ArrayLike,
     robot: int,
     *,
-    width_px: int | None = None,
-    height_px: int | None = None,
+    size_px: tuple[int, int] | None = None,
     supersample: int = 5,
     smooth: bool = False,
     noise: float = 0.0,
@@ -243,8 +210,7 @@ def render(
         world: sizes, and the camera.
         state: (robots + 1, 6) state of the world, robots in order, then the ball.
         robot: whose camera.
-        width_px: of the image, if not the camera's; the view stays the same.
-        height_px: likewise.
+        size_px: width and height of the image, if not the camera's; the view stays the same.
         supersample: odd; how many times finer the image is painted.
         smooth: average each block of fine pixels instead of taking the middle one, for a person to look at.
             A mixture of two colours can have the hue of a third: do not ``extract`` from such an image.
@@ -257,15 +223,16 @@ def render(
     Raises:
         InputError: a shape, a size or the number of a robot makes no sense.
     """
-    bodies, camera = np.asarray(state, np.float64), camera_params(world)
+    bodies, camera = np.asarray(state, np.float64), analytic.camera_params(world)
     if bodies.shape[1:] != (6,):
         raise InputError(f"expected a state (robots + 1, 6), got shape {bodies.shape}")
     robots = len(bodies) - 1
     _check(robots, robot)
-    width, height = width_px or camera.columns, height_px or camera.rows
-    if min(width, height, supersample) < 1 or supersample % 2 == 0:
-        raise InputError(f"expected positive sizes, supersample odd; got {width} x {height} and {supersample}")
-    canvas = _Canvas(camera, supersample * width, supersample * height, bodies[robot, :3].tolist())
+    width, height = size_px or (camera.columns, camera.rows)
+    fine = supersample
+    if min(width, height, fine) < 1 or fine % 2 == 0:
+        raise InputError(f"expected positive sizes, supersample odd; got {width} x {height} and {fine}")
+    canvas = _Canvas(camera, fine * width, fine * height, bodies[robot, :3].tolist())
     _paint_field(canvas, world)
     radii = np.append(np.full(robots, camera.robot_radius), camera.ball_radius)
     power = (bodies[:, 0] - canvas.x) ** 2 + (bodies[:, 1] - canvas.y) ** 2 - radii**2
@@ -275,8 +242,7 @@ def render(
             _paint_ball(canvas, x, y)
         elif body != robot:
             _paint_robot(canvas, x, y, ROBOT_HUES[body])
-    middle = supersample // 2
-    image = canvas.image[middle::supersample, middle::supersample].copy()
+    image = canvas.image[fine // 2 :: fine, fine // 2 :: fine].copy()
     if smooth:
         image = cast("Image", cv2.resize(canvas.image, (width, height), interpolation=cv2.INTER_AREA))
     if noise > 0.0:
@@ -297,7 +263,7 @@ def colour_regions(image: Image, hues: Iterable[int], *, min_region_px: float = 
     for hue in hues:
         turned = hsv.copy()  # hue is a circle: turn this one to the middle of its range
         turned[..., 0] = (hsv[..., 0].astype(np.int16) + _HALF_TURN - hue) % (2 * _HALF_TURN)
-        least = (_HALF_TURN - HUE_TOLERANCE, MIN_SATURATION, MIN_VALUE)
+        least = (_HALF_TURN - HUE_TOLERANCE, _MIN_SATURATION, _MIN_VALUE)
         mask = cv2.inRange(turned, least, (_HALF_TURN + HUE_TOLERANCE, 255, 255))
         region = mask > 0
         if min_region_px > 1.0:
@@ -327,15 +293,27 @@ def extract(
         features (objects, 11) and areas (objects,), both zero where an object is not visible.
     """
     _check(robots, robot)
-    hues = [BALL_HUE] * object_count(robots)
-    hues[OWN_GOAL], hues[OPPONENT_GOAL] = GOAL_HUES if side == 0 else GOAL_HUES[::-1]
-    hues[ROBOTS:] = [ROBOT_HUES[body] for body in range(robots) if body != robot]
-    units = world.camera.width_px / image.shape[1], world.camera.height_px / image.shape[0]
-    regions = colour_regions(image, hues, min_region_px=min_region_px / (units[0] * units[1]))
-    features, areas = np.zeros((len(hues), FEATURES)), np.zeros(len(hues))
+    hues = [BALL_HUE] * analytic.object_count(robots)
+    hues[analytic.OWN_GOAL], hues[analytic.OPPONENT_GOAL] = GOAL_HUES if side == 0 else GOAL_HUES[::-1]
+    hues[analytic.ROBOTS :] = [ROBOT_HUES[body] for body in range(robots) if body != robot]
+    unit_x, unit_y = world.camera.width_px / image.shape[1], world.camera.height_px / image.shape[0]
+    regions = colour_regions(image, hues, min_region_px=min_region_px / (unit_x * unit_y))
+    features, areas = np.zeros((len(hues), analytic.FEATURES)), np.zeros(len(hues))
     for thing, region in enumerate(regions):
-        if region.any():
-            areas[thing] = np.count_nonzero(region) * units[0] * units[1]
-            features[thing] = _measure(region, areas[thing], thing)
-            ...
+        if not region.any():
+            continue
+        column, row = np.nonzero(region.T)  # from left to right
+        x, y, out = (column + 0.5) * unit_x, (row + 0.5) * unit_y, features[thing]
+        areas[thing] = area = len(x) * unit_x * unit_y
+        out[:2] = x.mean(), y.mean()
+        across, upright = np.ptp(column) * unit_x + unit_x, np.ptp(row) * unit_y + unit_y
+        if thing == analytic.BALL:
+            out[2:4] = 0.25 * (across + upright), area
+        elif thing >= analytic.ROBOTS:
+            out[2:5] = across, upright, area
+        else:
+            for k, distance in enumerate((x + y, y - x, x - y, -x - y)):
+                corner = distance.round(9).argmin()  # of equals the leftmost
+                out[2 + 2 * k : 4 + 2 * k] = x[corner], y[corner]
+            out[10] = area
     return features, areas

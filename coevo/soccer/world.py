@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -104,8 +105,13 @@ class World:
             body.position, body.angle = (x, y), heading
             body.velocity, body.angular_velocity = (vx, vy), turn
 
-    def step(self, commands: ArrayLike) -> None:
-        """Move on by one step (1/30 s); ``commands``: (robots, 2), speed [m/s] and turn rate [rad/s]."""
+    def step(self, commands: ArrayLike, after_substep: Callable[[], object] | None = None) -> None:
+        """Move on by one step (1/30 s).
+
+        Args:
+            commands: (robots, 2), speed [m/s] and turn rate [rad/s] that each drive asks for.
+            after_substep: called after each substep, for what is counted between steps.
+        """
         physics, robot = self.settings.physics, self.settings.robot
         substep_s = physics.step_s / physics.substeps
         speed_change = robot.max_acceleration_mps2 * substep_s
@@ -127,3 +133,5 @@ class World:
             kept = 1.0 - ball_slowing / rolling if rolling > ball_slowing else 0.0
             self.ball.velocity = (vx * kept, vy * kept)
             self.space.step(substep_s)
+            if after_substep is not None:
+                after_substep()

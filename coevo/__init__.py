@@ -1,0 +1,1 @@
+"""Co-evolve teams of robots whose trees choose among learned skills."""

@@ -93,9 +93,7 @@ def lagged(signal: Array, length: int) -> Array:
     signal: (T, d) with T >= length; the result: (T - length + 1, length d).
     """
     return (
-        sliding_window_view(signal, length, axis=0)[:, :, ::-1]
-        .transpose(0, 2, 1)
-        .reshape(-1, length * signal.shape[1])
+        sliding_window_view(signal, length, axis=0)[:, :, ::-1].transpose(0, 2, 1).reshape(-1, length * signal.shape[1])
     )
 
 
@@ -212,9 +210,7 @@ def _limit(windows: int, variables: int) -> float:
 
 def _leading(signal: Array, length: int) -> Array:
     """The blocks [s_t .. s_{t+length-1}], oldest first, for every t at which the block is complete."""
-    return (
-        sliding_window_view(signal, length, axis=0).transpose(0, 2, 1).reshape(-1, length * signal.shape[1])
-    )
+    return sliding_window_view(signal, length, axis=0).transpose(0, 2, 1).reshape(-1, length * signal.shape[1])
 
 
 def _with_fixed_signs(weights: Array) -> Array:

@@ -76,9 +76,7 @@ def fixed_history_length(signals: Signals, length: int, order: int | None, *, pr
     return candidate
 
 
-def choose_history_length(
-    signals: Signals, order: int | None, threshold: float | None, *, project: bool
-) -> Candidate:
+def choose_history_length(signals: Signals, order: int | None, threshold: float | None, *, project: bool) -> Candidate:
     """Lengthen the history while it pays (3.2.3), from the first length that allows the order.
 
     Raises:

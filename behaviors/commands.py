@@ -23,8 +23,18 @@ __all__ = ["learn", "skills"]
 @click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), help="Replaces the recipe's seed.")
 @click.option("--trials", type=click.IntRange(min=1), help="Replaces the recipe's number of trials.")
 @click.option("--drive", type=click.Choice(["pws", "4ws"]), help="Replaces the recipe's drive.")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the learned skill; by default runs/skills/NAME-seedN.")
-@click.option("--games", type=click.IntRange(min=1), default=1000, show_default=True, help="How many trials measure the result.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder of the learned skill; by default runs/skills/NAME-seedN.",
+)
+@click.option(
+    "--games",
+    type=click.IntRange(min=1),
+    default=1000,
+    show_default=True,
+    help="How many trials measure the result.",
+)
 @output_options
 def learn(
     *,
@@ -50,7 +60,10 @@ def learn(
     if drive is not None:
         robot = msgspec.structs.replace(recipe.world.robot, drive=drive)
         recipe = msgspec.structs.replace(recipe, world=msgspec.structs.replace(recipe.world, robot=robot))
-    changes = {"seed": seed if seed is not None else recipe.seed, "trials": trials if trials is not None else recipe.trials}
+    changes = {
+        "seed": seed if seed is not None else recipe.seed,
+        "trials": trials if trials is not None else recipe.trials,
+    }
     recipe = msgspec.structs.replace(recipe, **changes)
     folder = out if out is not None else Path("runs") / "skills" / f"{recipe.name}-seed{recipe.seed}"
     if (folder / "skill.npz").exists() and out is None:
@@ -61,7 +74,10 @@ def learn(
 
         def report(done: int, total: int, share: float) -> None:
             if done == total or done % max(250, total // 20 // 250 * 250) == 0:
-                progress.step(f"{recipe.name}: {done} of {total} trials, {share:.0%} of the last block succeeded", done=done)
+                progress.step(
+                    f"{recipe.name}: {done} of {total} trials, {share:.0%} of the last block succeeded",
+                    done=done,
+                )
 
         skill = learn_skill(recipe, report=report)
     card = make_card(recipe, skill, games=games, seed=_CARD_SEED)
@@ -91,7 +107,9 @@ class _writing:  # noqa: N801 - reads as a statement
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if isinstance(error, OSError):
-            raise InputError(f"cannot write into {self._folder}: {error.strerror or error}; choose another --out") from None
+            raise InputError(
+                f"cannot write into {self._folder}: {error.strerror or error}; choose another --out"
+            ) from None
 
 
 def _prepare(folder: Path) -> None:
@@ -166,7 +184,8 @@ def _describe(card: dict[str, Any]) -> list[str]:
         )
         if "collision_rate_chaser" in data:
             low, high = data["ci95_chaser"]
-            lines.append(f"{'':18s}collisions with a chaser at 0.3 speed {data['collision_rate_chaser']:.3f} [{low:.3f}, {high:.3f}]")
+            chased = data["collision_rate_chaser"]
+            lines.append(f"{'':18s}collisions with a chaser at 0.3 speed {chased:.3f} [{low:.3f}, {high:.3f}]")
     return lines
 
 
@@ -189,7 +208,9 @@ def skills(context: click.Context, *, as_json: bool, quiet: bool) -> None:
     for name in installed_skills():
         skill, card = load_skill(name), read_card(name)
         if card.get("digest") != skill.digest:
-            raise InputError(f"the card of {name} belongs to another skill file; make both with 'coevo learn {name} --out FOLDER'")
+            raise InputError(
+                f"the card of {name} belongs to another skill file; make both with 'coevo learn {name} --out FOLDER'"
+            )
         best = card["measured"]["in-view"]
         low, high = best["ci95"]
         anywhere = card["measured"].get("anywhere")
@@ -221,7 +242,16 @@ def skills(context: click.Context, *, as_json: bool, quiet: bool) -> None:
     if as_json:
         emit(data)
         return
-    header = ["skill", "drive", "states", "object:order/history", "success in view [95 %]", "anywhere", "collisions", "trials"]
+    header = [
+        "skill",
+        "drive",
+        "states",
+        "object:order/history",
+        "success in view [95 %]",
+        "anywhere",
+        "collisions",
+        "trials",
+    ]
     click.echo(table(header, rows) if rows else "No skills are installed; learn one with 'coevo learn shoot'.")
     click.echo("search starts with the ball out of view; avoid counts 10 s without collision against a random mover")
 

@@ -19,7 +19,7 @@ from coevo.errors import InputError
 from coevo.skill import ObjectModel, Skill, SkillBank, make_bank
 from coevo.skill.estimate import make_memory
 from coevo.skill.model import OBJECT_KINDS, state_count
-from coevo.soccer.camera import ROBOTS, camera_params
+from coevo.soccer.camera import ROBOTS, camera_params, make_retina
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params
 from coevo.soccer.rng import game_seed
@@ -77,7 +77,8 @@ def _scene(recipe: Recipe, bank: SkillBank) -> Scene:
         camera=camera_params(recipe.world),
         task=task,
         bank=bank,
-        memory=make_memory(task.robots, bank.history, mates),
+        memory=make_memory(bank, mates),
+        retina=make_retina(recipe.world, task.robots),
         codes=actions.codes,
         commands=actions.commands,
     )
@@ -96,7 +97,14 @@ def _blank(recipe: Recipe, models: tuple[ObjectModel, ...]) -> Skill:
     states = int(np.prod([model.states for model in models]))
     actions = len(action_set(recipe.world.robot).codes)
     values = np.zeros((states, actions), np.float32)
-    return Skill(recipe.name, recipe.world.robot.drive, models, values, recipe.action.min_steps, recipe.action.max_steps)
+    return Skill(
+        recipe.name,
+        recipe.world.robot.drive,
+        models,
+        values,
+        recipe.action.min_steps,
+        recipe.action.max_steps,
+    )
 
 
 def _provisional(recipe: Recipe) -> Skill:
@@ -127,10 +135,20 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[tuple[NDArray[np.flo
         features, areas = np.zeros((rows, objects, 11)), np.zeros((rows, objects))
         random = game_seed(seed, _EXPERIENCE, part)
         filled = gather(
-            scene, random, settings.hold_min_steps, settings.hold_max_steps, settings.trial_steps, trial, inputs, features, areas
+            scene,
+            random,
+            settings.hold_min_steps,
+            settings.hold_max_steps,
+            settings.trial_steps,
+            trial,
+            inputs,
+            features,
+            areas,
         )
         if filled < rows or part > 100:
-            raise InputError(f"the recipe {recipe.name!r}: its objects hardly ever come into view, so no model can be identified")
+            raise InputError(
+                f"the recipe {recipe.name!r}: its objects hardly ever come into view, so no model can be identified"
+            )
         for kind, found in stretches.items():
             thing = _object_slot(kind, scene)
             visible = areas[:, thing] > 0.0
@@ -200,12 +218,19 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
         "states_visited": int((visits.sum(axis=1) > 0).sum()),
     }
     return Skill(
-        skill.name, skill.drive, skill.objects, values.astype(np.float32), skill.min_steps, skill.max_steps, about
+        skill.name,
+        skill.drive,
+        skill.objects,
+        values.astype(np.float32),
+        skill.min_steps,
+        skill.max_steps,
+        about,
     )
 
 
 def _success(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
-    return outcomes != COLLISION if recipe.task == "avoid" else outcomes == SUCCESS
+    success: NDArray[np.bool_] = outcomes != COLLISION if recipe.task == "avoid" else outcomes == SUCCESS
+    return success
 
 
 def _no_start(recipe: Recipe) -> InputError:
@@ -213,7 +238,13 @@ def _no_start(recipe: Recipe) -> InputError:
 
 
 def evaluate(
-    recipe: Recipe, skill: Skill | None, *, games: int, seed: int, starts: str | None = None, mover: Any = None
+    recipe: Recipe,
+    skill: Skill | None,
+    *,
+    games: int,
+    seed: int,
+    starts: str | None = None,
+    mover: Any = None,
 ) -> Measured:
     """Run a skill greedily from unseen starts.
 
@@ -230,7 +261,9 @@ def evaluate(
     kinds = {model.kind for model in used.objects}
     if skill is not None and kinds != {model.kind for model in recipe.objects}:
         wanted = ", ".join(model.kind for model in recipe.objects)
-        raise InputError(f"the skill {skill.name!r} looks at {', '.join(sorted(kinds))}; the task {recipe.task} needs {wanted}")
+        raise InputError(
+            f"the skill {skill.name!r} looks at {', '.join(sorted(kinds))}; the task {recipe.task} needs {wanted}"
+        )
     actions = len(action_set(changed.world.robot).codes)
     scene = _scene(changed, make_bank([used], drive=changed.world.robot.drive, actions=actions))
     learner = Learner(*(getattr(recipe.learning, name) for name in Learner._fields))

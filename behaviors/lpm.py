@@ -153,9 +153,7 @@ class LocalPredictionModel:
                 f"q = {y.shape[1]}; use the signals that the model was identified from"
             )
         if np.isinf(u).any() or np.isinf(y).any():
-            raise ValueError(
-                "the segment holds infinite values; expected finite ones, or NaN for what was not seen"
-            )
+            raise ValueError("the segment holds infinite values; expected finite ones, or NaN for what was not seen")
         states = np.full((len(u) + 1, self.order), np.nan)
         size = self.history_length
         if len(u) >= size:
@@ -219,9 +217,7 @@ def identify(
     if future_inputs not in {"keep", "project"}:
         raise ValueError(f"future_inputs must be 'keep' or 'project', not {future_inputs!r}")
     if threshold is not None and not threshold > 0.0:
-        raise ValueError(
-            f"threshold must be a positive norm of the error covariance, such as 0.1, not {threshold!r}"
-        )
+        raise ValueError(f"threshold must be a positive norm of the error covariance, such as 0.1, not {threshold!r}")
 
     signals = Signals.standardised(checked, shortest_history=length or 1)
     project = future_inputs == "project"

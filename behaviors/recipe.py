@@ -97,7 +97,9 @@ class Recipe(_Settings, frozen=True, kw_only=True):
         if self.action.min_steps > self.action.max_steps:
             raise ValueError(f"action.min_steps must be at most max_steps, got {self.action.min_steps}")
         if self.experience.hold_min_steps > self.experience.hold_max_steps:
-            raise ValueError(f"experience.hold_min_steps must be at most hold_max_steps, got {self.experience.hold_min_steps}")
+            raise ValueError(
+                f"experience.hold_min_steps must be at most hold_max_steps, got {self.experience.hold_min_steps}"
+            )
         if self.task in ("pass", "avoid") and self.mover.kind == "none":
             raise ValueError(f"the task {self.task!r} needs another robot: set mover.kind")
 

@@ -15,11 +15,24 @@ from numpy.typing import NDArray
 from behaviors.recipe import Recipe
 from coevo.compiled import helper
 from coevo.skill.estimate import Memory
-from coevo.soccer.camera import BALL, OPPONENT_GOAL, ROBOTS, CameraParams, look
+from coevo.soccer.camera import BALL, OPPONENT_GOAL, ROBOTS, CameraParams, Retina, look
 from coevo.soccer.physics import PhysicsParams
 from coevo.soccer.rng import below, uniform
 
-__all__ = ["AVOID", "GOING", "PASS", "SEARCH", "SHOOT", "TaskParams", "judge", "move_other", "start_trial", "task_params"]
+__all__ = [
+    "AVOID",
+    "COLLISION",
+    "FAILURE",
+    "GOING",
+    "PASS",
+    "SEARCH",
+    "SHOOT",
+    "TaskParams",
+    "judge",
+    "move_other",
+    "start_trial",
+    "task_params",
+]
 
 SHOOT, PASS, AVOID, SEARCH = 0, 1, 2, 3
 TASKS = ("shoot", "pass", "avoid", "search")
@@ -93,8 +106,7 @@ def start_trial(
     camera: CameraParams,
     ease: float,
     state: NDArray[np.float64],
-    masks: NDArray[np.uint64],
-    occupied: NDArray[np.uint64],
+    retina: Retina,
     memory: Memory,
     rng: NDArray[np.uint64],
 ) -> bool:
@@ -133,7 +145,7 @@ def start_trial(
                 continue
         if not task.in_view and task.task != SEARCH:
             return True
-        look(camera, state, 0, 0, masks, occupied, memory.features[0, :objects], memory.areas[0, :objects])
+        look(camera, state, 0, 0, retina, memory.features[0, :objects], memory.areas[0, :objects])
         sees_ball = memory.areas[0, BALL] > 0.0
         if task.task == SEARCH:
             if not sees_ball:
@@ -206,7 +218,7 @@ def judge(
             return COLLISION
     if task.task == SEARCH and memory.areas[0, BALL] > 0.0:
         return SUCCESS
-    if task.task == SHOOT or task.task == PASS:
+    if task.task < AVOID:
         if state[ball, 0] > physics.length or state[ball, 0] < 0.0:
             return FAILURE
         if state[0, 0] > physics.length or state[0, 0] < 0.0:

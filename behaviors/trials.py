@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.task import AVOID, COLLISION, GOING, SUCCESS, TaskParams, judge, move_other, start_trial
+from behaviors.task import AVOID, COLLISION, FAILURE, GOING, SUCCESS, TaskParams, judge, move_other, start_trial
 from coevo.compiled import entry, helper
 from coevo.skill import SkillBank
 from coevo.skill.estimate import Memory, discrete_state, forget, perturb, remember
-from coevo.soccer.camera import FEATURES, ROBOTS, CameraParams, look
+from coevo.soccer.camera import FEATURES, ROBOTS, CameraParams, Retina, look
 from coevo.soccer.physics import Handles, PhysicsParams, advance, reset
 from coevo.soccer.rng import below, normal, uniform
 
@@ -27,6 +27,7 @@ class Scene(NamedTuple):
     task: TaskParams
     bank: SkillBank
     memory: Memory
+    retina: Retina
     codes: NDArray[np.float64]
     commands: NDArray[np.float64]
 
@@ -48,8 +49,6 @@ class Learner(NamedTuple):
 def _watch(
     scene: Scene,
     state: NDArray[np.float64],
-    masks: NDArray[np.uint64],
-    occupied: NDArray[np.uint64],
     time: int,
     code: NDArray[np.float64],
     rng: NDArray[np.uint64],
@@ -57,7 +56,7 @@ def _watch(
     """Let the learner see and remember."""
     objects = scene.memory.areas.shape[1] - 1
     features, areas = scene.memory.features[0, :objects], scene.memory.areas[0, :objects]
-    look(scene.camera, state, 0, 0, masks, occupied, features, areas)
+    look(scene.camera, state, 0, 0, scene.retina, features, areas)
     if scene.camera.noise > 0.0:
         perturb(scene.camera, features, areas, rng)
     remember(scene.memory, scene.bank, 0, time, code, 0.5 * scene.camera.columns)
@@ -93,12 +92,11 @@ def gather(
     objects = ROBOTS + robots - 1
     state, commands = np.zeros((robots + 1, 6)), np.zeros((robots, 2))
     ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
-    masks, occupied = np.zeros((objects, scene.camera.columns), np.uint64), np.zeros(scene.camera.columns, np.uint64)
     touched, held = np.empty(1, np.int64), np.empty(1, np.int64)
     rng = np.full(1, seed)
     row, number = 0, 0
     while row < trial.shape[0]:
-        if not start_trial(task, scene.physics, scene.camera, 0.0, state, masks, occupied, scene.memory, rng):
+        if not start_trial(task, scene.physics, scene.camera, 0.0, state, scene.retina, scene.memory, rng):
             return row
         reset(scene.handles, state)
         forget(scene.memory)
@@ -108,13 +106,16 @@ def gather(
         action, left = 0, 0
         for t in range(trial_steps):
             if left == 0:
-                action, left = below(rng, scene.codes.shape[0]), hold_min + below(rng, hold_max - hold_min + 1)
+                action, left = (
+                    below(rng, scene.codes.shape[0]),
+                    hold_min + below(rng, hold_max - hold_min + 1),
+                )
             left -= 1
             _command(scene, commands, action, rng)
             if robots > 1:
                 move_other(task, chases, state, held, commands, rng)
             advance(scene.handles, scene.physics, state, commands, ball_gap, robot_gap)
-            _watch(scene, state, masks, occupied, t, scene.codes[action], rng)
+            _watch(scene, state, t, scene.codes[action], rng)
             trial[row] = number
             inputs[row] = scene.codes[action]
             for o in range(objects + 1):
@@ -123,7 +124,7 @@ def gather(
                     features[row, o, k] = scene.memory.features[0, o, k]
             row += 1
             ends = judge(task, scene.physics, state, scene.memory, ball_gap, robot_gap, touched, t)
-            if row == trial.shape[0] or (ends != GOING and ends != COLLISION and task.task < AVOID):
+            if row == trial.shape[0] or (task.task < AVOID and ends in (SUCCESS, FAILURE)):
                 break
         number += 1
     return row
@@ -171,10 +172,8 @@ def run_trials(
         steps: (trials,) filled with the length of each trial.
     """
     task, robots, bank = scene.task, scene.task.robots, scene.bank
-    objects = ROBOTS + robots - 1
     state, commands = np.zeros((robots + 1, 6)), np.zeros((robots, 2))
     ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
-    masks, occupied = np.zeros((objects, scene.camera.columns), np.uint64), np.zeros(scene.camera.columns, np.uint64)
     touched, held_other = np.empty(1, np.int64), np.empty(1, np.int64)
     standing = np.zeros(2)
     rng = np.zeros(1, np.uint64)
@@ -189,7 +188,7 @@ def run_trials(
         ease = 0.0
         if learning and learner.easy_share > 0.0:
             ease = max(0.0, 1.0 - progress / learner.easy_share)
-        if not start_trial(task, scene.physics, scene.camera, ease, state, masks, occupied, scene.memory, rng):
+        if not start_trial(task, scene.physics, scene.camera, ease, state, scene.retina, scene.memory, rng):
             return False
         reset(scene.handles, state)
         forget(scene.memory)
@@ -197,7 +196,7 @@ def run_trials(
         touched[0], held_other[0] = -1, 0
         chases = uniform(rng) < task.chaser_share
         count, action, held, outcome, t = 0, -1, 0, GOING, 0
-        _watch(scene, state, masks, occupied, 0, standing, rng)
+        _watch(scene, state, 0, standing, rng)
         while t < task.time_limit:
             if action < 0 or held >= bank.min_steps[0]:
                 now = discrete_state(scene.memory, bank, 0, 0, t)
@@ -218,7 +217,7 @@ def run_trials(
                 move_other(task, chases, state, held_other, commands, rng)
             advance(scene.handles, scene.physics, state, commands, ball_gap, robot_gap)
             t += 1
-            _watch(scene, state, masks, occupied, t, scene.codes[action], rng)
+            _watch(scene, state, t, scene.codes[action], rng)
             outcome = judge(task, scene.physics, state, scene.memory, ball_gap, robot_gap, touched, t)
             if outcome != GOING:
                 break

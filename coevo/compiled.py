@@ -55,7 +55,7 @@ def cache_folder() -> Path:
 
 def helper(function: _F) -> _F:
     """Compile ``function`` as a part of the entry kernels that call it."""
-    return cast(_F, numba.njit(nogil=True, fastmath=False, error_model="numpy")(function))
+    return cast("_F", numba.njit(nogil=True, fastmath=False, error_model="numpy")(function))
 
 
 def entry(function: _F) -> _F:
@@ -68,7 +68,7 @@ def entry(function: _F) -> _F:
         finally:
             numba.config.CACHE_DIR = before
     _entries.append(compiled)
-    return cast(_F, compiled)
+    return cast("_F", compiled)
 
 
 def is_compiled(function: Callable[..., Any]) -> bool:
@@ -77,4 +77,4 @@ def is_compiled(function: Callable[..., Any]) -> bool:
         return True
     name = getattr(function, "__qualname__", "")
     folder = cache_folder()
-    return folder.is_dir() and any(folder.glob(f"*/*.{name}-*.nbi")) or any(folder.glob(f"*.{name}-*.nbi"))
+    return (folder.is_dir() and any(folder.glob(f"*/*.{name}-*.nbi"))) or any(folder.glob(f"*.{name}-*.nbi"))

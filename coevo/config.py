@@ -29,8 +29,8 @@ __all__ = [
     "FieldSettings",
     "FitnessSettings",
     "FitnessWeights",
-    "GameSettings",
     "GPSettings",
+    "GameSettings",
     "PhysicsSettings",
     "PlayerSettings",
     "RobotSettings",
@@ -71,7 +71,9 @@ class FieldSettings(_Settings, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if self.goal_width_m > self.width_m - 2.0 * self.corner_panel_m:
-            raise ValueError(f"goal_width_m must leave room for walls in width_m {self.width_m}, got {self.goal_width_m}")
+            raise ValueError(
+                f"goal_width_m must leave room for walls in width_m {self.width_m}, got {self.goal_width_m}"
+            )
 
 
 class BallSettings(_Settings, frozen=True, kw_only=True):
@@ -264,11 +266,13 @@ class RunSettings(_Settings, frozen=True, kw_only=True):
         starts = [("game.ball_start", self.game.ball_start, self.world.ball.radius_m)]
         starts += [(f"players.{i}.start", p.start, self.world.robot.radius_m) for i, p in enumerate(self.players)]
         for name, start, radius in starts:
-            for axis, (low, high), size in (("x_m", start.x_m, field.length_m), ("y_m", start.y_m, field.width_m)):
+            for axis, (low, high), size in (
+                ("x_m", start.x_m, field.length_m),
+                ("y_m", start.y_m, field.width_m),
+            ):
                 if low < radius or high > size - radius:
-                    raise ValueError(
-                        f"{name}.{axis} must lie within [{radius:g}, {size - radius:g}] on this field, got [{low:g}, {high:g}]"
-                    )
+                    limits = f"[{radius:g}, {size - radius:g}]"
+                    raise ValueError(f"{name}.{axis} must lie within {limits} on this field, got [{low:g}, {high:g}]")
 
 
 def check(kind: type[_S], data: Mapping[str, Any], source: str) -> _S:

@@ -14,9 +14,17 @@ from coevo.config import CategorySettings, GameSettings, PlayerSettings, RunSett
 from coevo.errors import InputError
 from coevo.skill import SkillBank, load_skill, make_bank
 from coevo.skill.estimate import Memory, discrete_state, forget, make_memory, perturb, remember
-from coevo.soccer.camera import BALL, ROBOTS, CameraParams, camera_params, look
+from coevo.soccer.camera import BALL, ROBOTS, CameraParams, Retina, camera_params, look, make_retina
 from coevo.soccer.drive import action_set
-from coevo.soccer.events import Events, EventParams, clear_events, event_params, goal_scored, make_events, record_contacts
+from coevo.soccer.events import (
+    EventParams,
+    Events,
+    clear_events,
+    event_params,
+    goal_scored,
+    make_events,
+    record_contacts,
+)
 from coevo.soccer.physics import Handles, PhysicsParams, advance, physics_params, reset
 from coevo.soccer.placement import place, regions
 from coevo.soccer.rng import normal
@@ -123,6 +131,7 @@ def _play(
     start_regions: NDArray[np.float64],
     bank: SkillBank,
     memory: Memory,
+    retina: Retina,
     events: Events,
     programs: _Programs,
     seeds: NDArray[np.uint64],
@@ -139,15 +148,14 @@ def _play(
 ) -> bool:
     """Play one game a seed; return False if the bodies do not fit into their start regions.
 
-    ``trace_states`` (time limit + 1, bodies, 6), ``trace_skills`` and ``trace_actions`` (time limit, robots) are filled when they are
-    not empty.
+    ``trace_states`` (time limit + 1, bodies, 6), ``trace_skills`` and ``trace_actions`` (time limit, robots) are
+    filled when they are not empty.
     """
     robots = rules.teams.shape[0]
     objects = ROBOTS + robots - 1
     state = np.zeros((robots + 1, 6))
     commands = np.zeros((robots, 2))
     ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
-    masks, occupied = np.zeros((objects, camera.columns), np.uint64), np.zeros(camera.columns, np.uint64)
     skill, action, held = np.empty(robots, np.int64), np.empty(robots, np.int64), np.empty(robots, np.int64)
     at_start = np.empty(robots, np.int64)
     rng = np.zeros(1, np.uint64)
@@ -173,7 +181,7 @@ def _play(
                         trace_skills[t, r], trace_actions[t, r] = -1, -1
                     continue
                 features, areas = memory.features[r, :objects], memory.areas[r, :objects]
-                look(camera, state, r, rules.teams[r], masks, occupied, features, areas)
+                look(camera, state, r, rules.teams[r], retina, features, areas)
                 if camera.noise > 0.0:
                     perturb(camera, features, areas, rng)
                 remember(memory, bank, r, t, standing if action[r] < 0 else rules.codes[action[r]], middle)
@@ -212,7 +220,11 @@ def _play(
                 break
         steps[game], scorer[game] = t, winner
         for r in range(robots):
-            kicks[game, r], collisions[game, r], passes[game, r] = events.kicks[r], events.collisions[r], events.passes[r]
+            kicks[game, r], collisions[game, r], passes[game, r] = (
+                events.kicks[r],
+                events.collisions[r],
+                events.passes[r],
+            )
     return True
 
 
@@ -237,7 +249,8 @@ class Arena:
         self._rules = _make_rules(settings.game, settings.categories, players, actions.codes, actions.commands)
         self._event_rules = event_params(world, settings.game)
         self._regions = regions([player.start for player in players], settings.game.ball_start)
-        self._memory = make_memory(robots, self.bank.history, _mates(players))
+        self._memory = make_memory(self.bank, _mates(players))
+        self._retina = make_retina(world, robots)
         self._events = make_events(robots)
 
     def play(self, programs: Sequence[Program | None], seeds: NDArray[np.uint64]) -> Outcome:
@@ -298,6 +311,7 @@ class Arena:
             self._regions,
             self.bank,
             self._memory,
+            self._retina,
             self._events,
             joined,
             seeds,
@@ -331,7 +345,10 @@ def warm_up(settings: RunSettings, tell: Callable[[str], None]) -> None:
     if not is_compiled(_play):
         tell("Compiling the games for this machine, once: about 15 s ...")
     arena = Arena(settings)
-    stand = [None if p.control != "evolve" else Program(np.array([255], np.uint8), np.zeros(1, np.int32)) for p in settings.players]
+    stand = [
+        None if p.control != "evolve" else Program(np.array([255], np.uint8), np.zeros(1, np.int32))
+        for p in settings.players
+    ]
     arena.play(stand, np.zeros(0, np.uint64))
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from coevo.config import RunSettings
 from coevo.game import Outcome, Trace
 from coevo.skill import ObjectModel, Skill, load_skill
-from coevo.soccer.camera import ROBOTS, camera_params, object_count, see
+from coevo.soccer.camera import ROBOTS, camera_params, make_retina, object_count, see
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params
 from coevo.soccer.placement import place, regions
@@ -90,17 +90,17 @@ class PlainGame:
         self._actions = action_set(settings.world.robot)
         self._eye: _Eye = self._analytic_eye if camera == "analytic" else self._opencv_eye
         self._camera = camera_params(settings.world)
+        self._retina = make_retina(settings.world, len(settings.players))
 
     def _analytic_eye(self, state: NDArray[np.float64], robot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         objects = object_count(len(self.settings.players))
-        masks = np.zeros((objects, self._camera.columns), np.uint64)
         features, areas = np.zeros((objects, 11)), np.zeros(objects)
-        see(self._camera, state, robot, self.settings.players[robot].team, masks, features, areas)
+        see(self._camera, state, robot, self.settings.players[robot].team, self._retina, features, areas)
         return features, areas
 
     def _opencv_eye(self, state: NDArray[np.float64], robot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         world, side = self.settings.world, self.settings.players[robot].team
-        image = render(world, state, robot, side)
+        image = render(world, state, robot, supersample=1)  # the fastest: one pixel a pixel
         return extract(image, world, len(self.settings.players), robot, side)
 
     def play(self, trees: Sequence[Tree | None], seed: np.uint64) -> tuple[Outcome, Trace]:
@@ -116,7 +116,8 @@ class PlainGame:
         world.place(state)
         now: dict[int, dict[str, bool]] = {}
         players = [
-            None if tree is None else self._robot(number, int(teams[number]), tree, now) for number, tree in enumerate(trees)
+            None if tree is None else self._robot(number, int(teams[number]), tree, now)
+            for number, tree in enumerate(trees)
         ]
         referee = _Referee(settings, teams)
         states, skills, actions = [world.state], [], []
@@ -157,9 +158,10 @@ class PlainGame:
         for name in functions.functions:
             primitives.addPrimitive(partial(lambda c, a, b: partial(ask, c, a, b), name), 2, name=name)
         for name in SKILLS:
-            primitives.addTerminal(partial(str, name), name=name)
+            primitives.addTerminal(partial(str, name), name=f"do_{name}")  # "pass" is a word of Python
         mapping = primitives.mapping
-        choose = gp.compile(gp.PrimitiveTree([mapping[name] for name in tree.names]), primitives)
+        nodes = [mapping.get(name) or mapping[f"do_{name}"] for name in tree.names]
+        choose = gp.compile(gp.PrimitiveTree(nodes), primitives)
         objects = object_count(len(self.settings.players))
         sights = [_Sight(self._history) for _ in range(objects)]
         inputs = deque([(0.0, 0.0)] * self._history, maxlen=self._history)
@@ -203,7 +205,10 @@ class PlainGame:
             true = {"lost"}
             if sight.features is not None:
                 kind = "ball" if thing == _BALL else "goal" if thing in _GOALS else "robot"
-                small, large = getattr(limits, f"{kind}_small_below_px"), getattr(limits, f"{kind}_large_from_px")
+                small, large = (
+                    getattr(limits, f"{kind}_small_below_px"),
+                    getattr(limits, f"{kind}_large_from_px"),
+                )
                 x, area = sight.features[0], areas[thing]
                 true = {
                     "left" if x < limits.left_below_px else "right" if x >= limits.right_from_px else "middle",

@@ -36,12 +36,22 @@ if TYPE_CHECKING:
 __all__ = ["COUNTS", "Checkpoint", "GenerationRecord", "Run", "create_run", "open_run"]
 
 COUNTS = ("goals", "lost", "kicks", "collisions", "steps")
-_COLUMNS = (
-    ["generation", "robot", "fitness_best", "fitness_mean", "fitness_worst", *COUNTS]
-    + [f"{size}_{which}" for size in ("depth", "nodes") for which in ("best", "mean", "worst")]
-)
+_COLUMNS = ["generation", "robot", "fitness_best", "fitness_mean", "fitness_worst", *COUNTS] + [
+    f"{size}_{which}" for size in ("depth", "nodes") for which in ("best", "mean", "worst")
+]
 _FORMAT = 1
-_LIBRARIES = ("coevo", "deap", "joblib", "llvmlite", "numba", "numpy", "opencv-python-headless", "pandas", "pyarrow", "pymunk")
+_LIBRARIES = (
+    "coevo",
+    "deap",
+    "joblib",
+    "llvmlite",
+    "numba",
+    "numpy",
+    "opencv-python-headless",
+    "pandas",
+    "pyarrow",
+    "pymunk",
+)
 
 
 @dataclass(frozen=True)
@@ -96,7 +106,7 @@ def _write_whole(path: Path, data: bytes) -> None:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
-            os.replace(partial, path)
+            partial.replace(path)
         except OSError:
             partial.unlink(missing_ok=True)
             raise
@@ -215,7 +225,9 @@ class Run:
             if not np.array_equal(stored, _digest(arrays)):
                 raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
             if int(arrays["format"][0]) != _FORMAT:
-                raise InputError(f"{path} has format {int(arrays['format'][0])}, this version reads {_FORMAT}; {remedy}")
+                raise InputError(
+                    f"{path} has format {int(arrays['format'][0])}, this version reads {_FORMAT}; {remedy}"
+                )
             if bytes(arrays["run"]) != self._identity():
                 raise InputError(f"{path} belongs to another run: its settings are not those of config.toml; {remedy}")
             populations = {}
@@ -354,7 +366,7 @@ def create_run(path: Path, settings: RunSettings) -> Run:
 
 
 def open_run(path: str | Path) -> Run:
-    """Open a run folder for reading: ``.config``, ``.generations``, ``.individuals``, ``.tree(robot, generation, rank)``.
+    """Open a run folder for reading; see ``Run``.
 
     Raises:
         InputError: there is no run, or its config.toml is wrong.

@@ -33,10 +33,14 @@ class _Commands(click.Group):
                     return loaded
         return command
 
-    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
         if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
             known = self.list_commands(ctx)
-            raise InputError(f"there is no command {args[0]!r}.{nearest_name(args[0], known)} Commands: {', '.join(known)}")
+            raise InputError(
+                f"there is no command {args[0]!r}.{nearest_name(args[0], known)} Commands: {', '.join(known)}"
+            )
         return super().resolve_command(ctx, args)
 
 

@@ -52,7 +52,11 @@ def _worker_options(command: Any) -> Any:
         help="What workers are; results do not depend on it.",
     )(command)
     return click.option(
-        "--workers", type=click.IntRange(min=1), default=_cores(), show_default=True, help="How many games at a time."
+        "--workers",
+        type=click.IntRange(min=1),
+        default=_cores(),
+        show_default=True,
+        help="How many games at a time.",
     )(command)
 
 
@@ -140,7 +144,10 @@ def _go_on(run: Run, workers: int, backend: str, *, as_json: bool, quiet: bool) 
         done = state.generation if state is not None else run.finished
         if done:
             note(f"Going on at generation {done} of {generations}.", quiet=quiet)
-        with Evaluator(run.config, workers=workers, backend=backend) as evaluator, Progress(generations, done=done, quiet=quiet) as progress:
+        with (
+            Evaluator(run.config, workers=workers, backend=backend) as evaluator,
+            Progress(generations, done=done, quiet=quiet) as progress,
+        ):
             since = time.perf_counter()
 
             def report(of: GenerationReport) -> None:

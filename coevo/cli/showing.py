@@ -81,7 +81,8 @@ def inspect(
         click.echo(as_svg(shown, steps))
     else:
         use = ", ".join(f"{name} {share:.1%}" for name, share in usage.skill_use.items())
-        click.echo(f"{robot}, generation {generation}, rank {rank}: fitness {row['fitness']:.4f}, depth {tree.depth}, nodes {tree.nodes}")
+        click.echo(f"{robot}, generation {generation}, rank {rank}: fitness {row['fitness']:.4f}")
+        click.echo(f"the tree: depth {tree.depth}, nodes {tree.nodes}")
         click.echo(f"simplified: depth {smaller.depth}, nodes {smaller.nodes}")
         click.echo(f"skills used: {use}")
         click.echo(f"\n{as_text(shown, steps)}")
@@ -91,7 +92,13 @@ def inspect(
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--generation", type=click.IntRange(min=0), help="By default the last that is finished.")
 @click.option("--games", type=click.IntRange(min=1), default=20, show_default=True)
-@click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Of the games; they are never those of evolution.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0, max=2**63 - 1),
+    default=1,
+    show_default=True,
+    help="Of the games; they are never those of evolution.",
+)
 @click.option("--trace", type=click.Path(path_type=Path), help="Write every step to a CSV file.")
 @click.option("--video", type=click.Path(path_type=Path), help="Write a replay: .mp4, .gif or .html.")
 @output_options
@@ -113,12 +120,10 @@ def play(
              coevo play runs/smoke-seed0 --games 3 --video replay.html
     """
     from coevo.game import Arena, warm_up
-    from coevo.replay import check_video_path, trace_digest, write_trace, write_video
+    from coevo.replay import trace_digest, write_trace, write_video
     from coevo.run import open_run
     from coevo.usage import play_seeds
 
-    if video is not None:
-        check_video_path(video)
     run = open_run(folder)
     generation = _last(run, generation)
     programs = best_programs(run, generation)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
+from typing import Self
 
 import joblib
 import msgspec
@@ -70,7 +71,7 @@ class Evaluator:
         self._settings = msgspec.json.encode(settings)
         self._parallel = joblib.Parallel(n_jobs=workers, backend=_JOBLIB[backend], return_as="generator")
 
-    def __enter__(self) -> Evaluator:
+    def __enter__(self) -> Self:
         self._parallel.__enter__()
         return self
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from coevo.config import RunSettings
 from coevo.evolution.evaluation import Evaluator
 from coevo.evolution.grouping import random_groups
-from coevo.evolution.population import Individual, breed, codes_of, first_population, from_codes
+from coevo.evolution.population import Individual, breed, codes_of, first_population, individual_of
 from coevo.fitness import score
 from coevo.game import Outcome
 from coevo.run import COUNTS, Checkpoint, GenerationRecord, Run
@@ -48,7 +48,9 @@ class _Population:
         self.programs = [program for program, _ in measured]
         self.depth = np.array([depth for _, depth in measured], np.int64)
 
-    def record(self, settings: RunSettings, generation: int, groups: NDArray[np.int64], outcomes: list[Outcome]) -> GenerationRecord:
+    def record(
+        self, settings: RunSettings, generation: int, groups: NDArray[np.int64], outcomes: list[Outcome]
+    ) -> GenerationRecord:
         """Score every individual by its group's games."""
         team = settings.players[self.robot].team
         counts = {name: np.zeros(len(self.codes), np.int64) for name in COUNTS}
@@ -72,10 +74,12 @@ class _Population:
         return GenerationRecord(self.robot, self.codes, group_of, fitness, counts, self.depth, nodes)
 
 
-def _next_codes(record: GenerationRecord, settings: RunSettings, functions: FunctionSet, generation: int) -> list[NDArray[np.uint8]]:
+def _next_codes(
+    record: GenerationRecord, settings: RunSettings, functions: FunctionSet, generation: int
+) -> list[NDArray[np.uint8]]:
     parents: list[Individual] = []
     for codes, fitness, depth in zip(record.codes, record.fitness.tolist(), record.depth.tolist(), strict=True):
-        parent = from_codes(codes, functions)
+        parent = individual_of(codes, functions)
         parent.fitness.values = (fitness, float(depth))
         parents.append(parent)
     children = breed(parents, settings.gp, functions, seed=settings.seed, generation=generation, robot=record.robot)
@@ -87,7 +91,10 @@ def _rebuild(run: Run, functions: Mapping[int, FunctionSet]) -> Checkpoint:
     settings, generation = run.config, run.finished - 1
     if generation < 0:
         first = {
-            robot: [codes_of(tree, functions[robot]) for tree in first_population(settings.gp, functions[robot], seed=settings.seed, robot=robot)]
+            robot: [
+                codes_of(tree, functions[robot])
+                for tree in first_population(settings.gp, functions[robot], seed=settings.seed, robot=robot)
+            ]
             for robot in run.evolving
         }
         return Checkpoint(0, first)

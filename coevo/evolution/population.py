@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from coevo.config import GPSettings
 from coevo.tree import FunctionSet
 
-__all__ = ["Individual", "breed", "codes_of", "first_population", "from_codes"]
+__all__ = ["Individual", "breed", "codes_of", "first_population", "individual_of"]
 
 _CREATION, _VARIATION = 0, 1
 
@@ -49,7 +49,7 @@ def codes_of(individual: Individual, functions: FunctionSet) -> NDArray[np.uint8
     return np.array([codes[node.name] for node in individual], np.uint8)
 
 
-def from_codes(codes: NDArray[np.uint8], functions: FunctionSet) -> Individual:
+def individual_of(codes: NDArray[np.uint8], functions: FunctionSet) -> Individual:
     """Return the individual of prefix codes."""
     nodes = functions.nodes
     return Individual([nodes[code] for code in codes.tolist()])
@@ -63,7 +63,13 @@ def first_population(settings: GPSettings, functions: FunctionSet, *, seed: int,
 
 
 def breed(
-    parents: Sequence[Individual], settings: GPSettings, functions: FunctionSet, *, seed: int, generation: int, robot: int
+    parents: Sequence[Individual],
+    settings: GPSettings,
+    functions: FunctionSet,
+    *,
+    seed: int,
+    generation: int,
+    robot: int,
 ) -> list[Individual]:
     """Return the population of the next generation.
 
@@ -79,7 +85,7 @@ def breed(
     with _seeded(seed, _VARIATION, generation, robot):
         limit = gp.staticLimit(key=lambda tree: tree.height, max_value=settings.crossover_depth_max)
 
-        @limit  # type: ignore[misc]  # DEAP carries no types
+        @limit
         def cross(one: Individual, two: Individual) -> tuple[Individual, Individual]:
             return gp.cxOnePointLeafBiased(one, two, termpb=settings.leaf_probability)  # type: ignore[no-any-return]
 
@@ -96,7 +102,7 @@ def breed(
                 pair = cross(Individual(select()), Individual(select()))
                 children += [Individual(child) for child in pair]
             elif chance < settings.crossover + settings.mutation:
-                mutant, = gp.mutUniform(Individual(select()), subtree, functions.primitives)
+                (mutant,) = gp.mutUniform(Individual(select()), subtree, functions.primitives)
                 children.append(mutant)
             else:
                 children.append(Individual(select()))

@@ -32,9 +32,7 @@ _LIGHT = 140.0
 def frame_size(settings: RunSettings, width: int) -> tuple[int, int]:
     """Return (width, height) [px] of a frame that the field fills, both even as video codecs want them."""
     field = settings.world.field
-    height = width * (field.width_m + 2.0 * field.wall_thickness_m) / _length_over_all(settings) + _header(
-        width
-    )
+    height = width * (field.width_m + 2.0 * field.wall_thickness_m) / _length_over_all(settings) + _header(width)
     return width - width % 2, 2 * math.ceil(0.5 * height)
 
 
@@ -88,18 +86,17 @@ class Painter:
         """Return pixel coordinates, in units of 1/16, of points (..., 2) on the field [m]."""
         x, y = np.moveaxis(np.asarray(points, np.float64), -1, 0)
         pixels = np.stack([self._left + self._scale * x, self._bottom - self._scale * y], -1)
-        return np.round((pixels - 0.5) * (1 << _SHIFT)).astype(
-            np.int32
-        )  # OpenCV counts from the pixel's centre
+        return np.round((pixels - 0.5) * (1 << _SHIFT)).astype(np.int32)  # OpenCV counts from the pixel's centre
 
     def _draw_background(self) -> None:
         field, image = self.settings.world.field, self._background
         image[:] = _bgr(scene.SURROUND)
         length, depth = field.length_m, field.goal_depth_m
         low, high = 0.5 * (field.width_m - field.goal_width_m), 0.5 * (field.width_m + field.goal_width_m)
+        lap = 0.5 * field.wall_thickness_m  # under the floor, so that no seam shows
+        self._rectangle((-depth, low), (lap, high), scene.TEAM_COLOURS[0])
+        self._rectangle((length - lap, low), (length + depth, high), scene.TEAM_COLOURS[1])
         self._rectangle((0.0, 0.0), (length, field.width_m), scene.FLOOR)
-        self._rectangle((-depth, low), (0.0, high), scene.TEAM_COLOURS[0])
-        self._rectangle((length, low), (length + depth, high), scene.TEAM_COLOURS[1])
         if field.corner_panels:
             cut = field.corner_panel_m
             for x, inwards_x in ((0.0, cut), (length, -cut)):
@@ -114,9 +111,7 @@ class Painter:
         corners = [low, (high[0], low[1]), high, (low[0], high[1])]
         cv2.fillPoly(self._background, [self._px(corners)], _bgr(colour), cv2.LINE_AA, _SHIFT)
 
-    def _draw_wall(
-        self, start: NDArray[np.float64], end: NDArray[np.float64], half: float, radius: int
-    ) -> None:
+    def _draw_wall(self, start: NDArray[np.float64], end: NDArray[np.float64], half: float, radius: int) -> None:
         along = (end - start) / np.linalg.norm(end - start)
         across = half * np.array([-along[1], along[0]])
         corners = np.array([start + across, end + across, end - across, start - across])
@@ -129,25 +124,30 @@ class Painter:
         image = self._background.copy()
         poses = np.asarray(state, np.float64)[:, :3]
         self._draw_sight(image, poses[:-1])
-        self._disc(image, poses[-1, :2], self.settings.world.ball.radius_m, scene.BALL)
-        for number, (x, y, heading) in enumerate(poses[:-1].tolist()):
-            self._draw_robot(image, number, x, y, heading)
-        for chosen, (x, y, _) in zip(np.asarray(skills).tolist(), poses[:-1].tolist(), strict=True):
+        robots = poses[:-1].tolist()
+        for chosen, (x, y, _) in zip(np.asarray(skills).tolist(), robots, strict=True):
             if chosen >= 0:
                 self._draw_skill(image, SKILLS[chosen], x, y)
+        for number, (x, y, heading) in enumerate(robots):  # on top: a label never hides where a body is
+            self._draw_robot(image, number, x, y, heading)
+        self._disc(image, poses[-1, :2], self.settings.world.ball.radius_m, scene.BALL)
         self._write_caption(image, caption)
         return image
 
     def _draw_sight(self, image: Image, robots: NDArray[np.float64]) -> None:
         if not len(self._sight):
             return
-        seen = image.copy()
+        field = self.settings.world.field
+        (left, bottom), (right, top) = self._px([(0.0, 0.0), (field.length_m, field.width_m)]) >> _SHIFT
+        floor = image[top:bottom, left:right]
+        seen = floor.copy()
         for (x, y, heading), player in zip(robots.tolist(), self.settings.players, strict=True):
             if player.control == "evolve":
                 cosine, sine = math.cos(heading), math.sin(heading)
                 corners = self._sight @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y)
-                cv2.fillConvexPoly(seen, self._px(corners), (255, 255, 255), cv2.LINE_AA, _SHIFT)
-        cv2.addWeighted(seen, _SIGHT_OPACITY, image, 1.0 - _SIGHT_OPACITY, 0.0, dst=image)
+                inside = self._px(corners) - (np.array([left, top]) << _SHIFT)
+                cv2.fillConvexPoly(seen, inside, (255, 255, 255), cv2.LINE_AA, _SHIFT)
+        cv2.addWeighted(seen, _SIGHT_OPACITY, floor, 1.0 - _SIGHT_OPACITY, 0.0, dst=floor)
 
     def _disc(self, image: Image, at: ArrayLike, radius_m: float, colour: str) -> None:
         radius = round(radius_m * self._scale * (1 << _SHIFT))

@@ -33,9 +33,7 @@ def make_page(settings: RunSettings, traces: Sequence[Trace]) -> str:
     template = resources.files("coevo.replay").joinpath("player.html").read_text(encoding="utf-8")
     data = json.dumps(_describe(settings, traces), separators=(",", ":"), ensure_ascii=True)
     # Inside <script>, "</script>" or "<!--" in a name would end or hide what follows.
-    return template.replace("{{title}}", html.escape(settings.name)).replace(
-        "{{data}}", data.replace("<", "\\u003c")
-    )
+    return template.replace("{{title}}", html.escape(settings.name)).replace("{{data}}", data.replace("<", "\\u003c"))
 
 
 def _describe(settings: RunSettings, traces: Sequence[Trace]) -> dict[str, Any]:

@@ -34,9 +34,7 @@ __all__ = [
 TEAMS = ("blue", "yellow")
 TEAM_COLOURS = ("#1d5fe0", "#f7c800")
 ROBOT_COLOURS = ("#8b5cf6", "#f472b6", "#f1f5f9", "#8a4b14", "#1f2937", "#22d3ee")
-SKILL_COLOURS = dict(
-    zip(SKILLS, ("#e8641b", "#56b4e9", "#f0e442", "#a6a6a6"), strict=True)
-)  # apart for any eye
+SKILL_COLOURS = dict(zip(SKILLS, ("#e8641b", "#56b4e9", "#f0e442", "#a6a6a6"), strict=True))  # apart for any eye
 BALL, FLOOR, WALL, SURROUND, INK, PAPER = "#e01b24", "#2f7148", "#f4f4f0", "#20262b", "#101418", "#f2f4f5"
 
 _SIGHT_M = 2.0  # the robot sees farther; a longer wedge would hide the game

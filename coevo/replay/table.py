@@ -28,8 +28,8 @@ def write_trace(path: str | Path, settings: RunSettings, traces: Sequence[Trace]
     """Write a row for each game, step and body as CSV: where it is and which skill it chooses there.
 
     Step 0 is the start. ``skill`` is empty for the ball, for a robot without a tree and in the last state.
-    Numbers have all the digits that make them the same again; they come back exactly by
-    ``pandas.read_csv(path, float_precision="round_trip")``.
+    Numbers have all the digits that make them the same again: Python's ``float`` and pandas from 3.1 on read
+    them back exactly, older pandas with ``float_precision="round_trip"``.
 
     Args:
         path: the file to write, whole or not at all.

@@ -23,7 +23,8 @@ class SkillBank(NamedTuple):
     """Skills s, each with up to M models.
 
     models: (skills,) number of models.
-    objects, lengths, orders, features, states: (skills, M) code of the object, history length, order, features q, states.
+    objects, lengths, orders, features, states: (skills, M) code of the object, history length, order, number of
+        features, number of states.
     memory: (skills, M, order, past) float64 memory matrices, padded with zeros.
     offset: (skills, M, order) float64, memory matrix times past mean.
     cells: (skills, M) float64.
@@ -60,8 +61,8 @@ def make_bank(skills: Sequence[Skill], *, drive: str, actions: int) -> SkillBank
     for skill in skills:
         if skill.drive != drive or skill.actions != actions:
             raise InputError(
-                f"the skill {skill.name!r} was learned for the drive {skill.drive} with {skill.actions} actions, this drive"
-                f" is {drive} with {actions}; learn it again with 'coevo learn {skill.name} --drive {drive}'"
+                f"the skill {skill.name!r} was learned for the drive {skill.drive} with {skill.actions} actions,"
+                f" this drive is {drive} with {actions}; learn it again with 'coevo learn {skill.name} --drive {drive}'"
             )
     count, most = len(skills), max(len(skill.objects) for skill in skills)
     order = max(model.order for skill in skills for model in skill.objects)

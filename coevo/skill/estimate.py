@@ -26,6 +26,8 @@ class Memory(NamedTuple):
     side: (robots, K + 1) int64, where it was seen last: 0 left, 1 right.
     nearest: (robots,) int64, which object slot K stands for, or -1.
     mate: (robots,) int64, the object that is the first team mate, or -1.
+    watched: (robots, K + 1) int64, how many features of an object any skill needs; 0 for none.
+    window: (history * 13,) float64, scratch.
     """
 
     features: NDArray[np.float64]
@@ -36,12 +38,21 @@ class Memory(NamedTuple):
     side: NDArray[np.int64]
     nearest: NDArray[np.int64]
     mate: NDArray[np.int64]
+    watched: NDArray[np.int64]
+    window: NDArray[np.float64]
 
 
-def make_memory(robots: int, history: int, mates: list[int]) -> Memory:
-    """Make room for the memory of ``robots``; ``mates``: for each the number of its team mate, -1 for none."""
+def make_memory(bank: SkillBank, mates: list[int]) -> Memory:
+    """Make room for the memory of robots; ``mates``: for each the number of its team mate, -1 for none."""
+    robots, history = len(mates), bank.history
     objects = ROBOTS + robots
     seen_as = [-1 if mate < 0 else ROBOTS + mate - (1 if mate > robot else 0) for robot, mate in enumerate(mates)]
+    watched = np.zeros((robots, objects), np.int64)
+    for code, features in zip(bank.objects.ravel().tolist(), bank.features.ravel().tolist(), strict=True):
+        for robot in range(robots):
+            thing = seen_as[robot] if code == MATE else objects - 1 if code == NEAREST else code
+            if thing >= 0:
+                watched[robot, thing] = max(watched[robot, thing], features)
     return Memory(
         features=np.zeros((robots, objects, FEATURES)),
         areas=np.zeros((robots, objects)),
@@ -51,6 +62,8 @@ def make_memory(robots: int, history: int, mates: list[int]) -> Memory:
         side=np.zeros((robots, objects), np.int64),
         nearest=np.full(robots, -1, np.int64),
         mate=np.array(seen_as, np.int64),
+        watched=watched,
+        window=np.zeros(history * (2 + FEATURES)),
     )
 
 
@@ -65,7 +78,9 @@ def forget(memory: Memory) -> None:
 
 
 @helper
-def perturb(camera: CameraParams, features: NDArray[np.float64], areas: NDArray[np.float64], rng: NDArray[np.uint64]) -> None:
+def perturb(
+    camera: CameraParams, features: NDArray[np.float64], areas: NDArray[np.float64], rng: NDArray[np.uint64]
+) -> None:
     """Add sensor noise to the features of what is visible: (objects, 11) and (objects,).
 
     Each coordinate and extent gets the camera's noise; the area, a sum over an outline, that times its square root.
@@ -89,32 +104,36 @@ def remember(
     left from right [px].
     """
     slot = time % bank.history
-    objects = memory.areas.shape[1] - 1
+    slots = memory.areas.shape[1] - 1
     memory.inputs[robot, slot, 0] = inputs[0]
     memory.inputs[robot, slot, 1] = inputs[1]
     if bank.nearest:
         largest, which = 0.0, -1
-        for o in range(ROBOTS, objects):
+        for o in range(ROBOTS, slots):
             if memory.areas[robot, o] > largest:
                 largest, which = memory.areas[robot, o], o
-        memory.areas[robot, objects] = largest
+        memory.areas[robot, slots] = largest
         if which >= 0:
             if which != memory.nearest[robot]:
-                memory.seen[robot, objects] = 0
+                memory.seen[robot, slots] = 0
                 memory.nearest[robot] = which
             for k in range(ROBOT_FEATURES):
-                memory.features[robot, objects, k] = memory.features[robot, which, k]
-    for o in range(objects + 1):
+                memory.features[robot, slots, k] = memory.features[robot, which, k]
+    for o in range(slots + 1):
+        features = memory.watched[robot, o]
+        if features == 0:
+            continue
         if memory.areas[robot, o] <= 0.0:
             memory.seen[robot, o] = 0
             continue
-        row = memory.features[robot, o]
-        past = memory.past[robot, o]
+        row, past = memory.features[robot, o], memory.past[robot, o]
         if memory.seen[robot, o] == 0:
             for h in range(bank.history):
-                past[h] = row
+                for k in range(features):
+                    past[h, k] = row[k]
         else:
-            past[slot] = row
+            for k in range(features):
+                past[slot, k] = row[k]
         memory.seen[robot, o] += 1
         memory.side[robot, o] = 0 if row[0] < middle else 1
 
@@ -123,6 +142,7 @@ def remember(
 def discrete_state(memory: Memory, bank: SkillBank, skill: int, robot: int, time: int) -> int:
     """Return the state of a skill: the cells (3.9) of x = M (p - mean) of each of its objects."""
     state = 0
+    newest = time % bank.history
     for i in range(bank.models[skill]):
         thing = bank.objects[skill, i]
         if thing == MATE:
@@ -135,16 +155,20 @@ def discrete_state(memory: Memory, bank: SkillBank, skill: int, robot: int, time
             state = state * states + states - 2 + side
             continue
         length, features = bank.lengths[skill, i], bank.features[skill, i]
+        window, at, slot = memory.window, 2 * length, newest
+        for back in range(length):
+            window[2 * back] = memory.inputs[robot, slot, 0]
+            window[2 * back + 1] = memory.inputs[robot, slot, 1]
+            for k in range(features):
+                window[at + k] = memory.past[robot, thing, slot, k]
+            at += features
+            slot = slot - 1 if slot > 0 else bank.history - 1
         cell, digit, weight = bank.cells[skill, i], 0, 1
         for j in range(bank.orders[skill, i]):
             row = bank.memory[skill, i, j]
             x = -bank.offset[skill, i, j]
-            for back in range(length):
-                slot = (time - back) % bank.history
-                x += row[2 * back] * memory.inputs[robot, slot, 0] + row[2 * back + 1] * memory.inputs[robot, slot, 1]
-                at = 2 * length + features * back
-                for k in range(features):
-                    x += row[at + k] * memory.past[robot, thing, slot, k]
+            for k in range(at):
+                x += row[k] * window[k]
             if x >= cell:
                 digit += 2 * weight
             elif x >= -cell:

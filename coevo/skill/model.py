@@ -102,7 +102,9 @@ class Skill:
                 raise ValueError(f"object must be one of {', '.join(OBJECT_KINDS)}, got {model.kind!r}")
             past = model.history_length * (INPUTS + OBJECT_KINDS[model.kind])
             if model.memory_matrix.shape[1] != past or model.past_mean.shape != (past,):
-                raise ValueError(f"the memory matrix of {model.kind} must have {past} columns, got {model.memory_matrix.shape}")
+                raise ValueError(
+                    f"the memory matrix of {model.kind} must have {past} columns, got {model.memory_matrix.shape}"
+                )
         if not 1 <= self.min_steps <= self.max_steps:
             raise ValueError(f"expected 1 <= min_steps <= max_steps, got {self.min_steps} and {self.max_steps}")
 
@@ -114,7 +116,8 @@ class Skill:
     @property
     def policy(self) -> NDArray[np.int8]:
         """(states,) the best action of each state; of equals the first."""
-        return np.argmax(self.values, axis=1).astype(np.int8)
+        best: NDArray[np.int8] = np.argmax(self.values, axis=1).astype(np.int8)
+        return best
 
     @property
     def digest(self) -> str:
@@ -157,7 +160,7 @@ class Skill:
                 data = io.BytesIO()
                 np.lib.format.write_array(data, np.ascontiguousarray(array), allow_pickle=False)
                 archive.writestr(entry, data.getvalue())
-        os.replace(partial, path)
+        partial.replace(path)
 
 
 def load_skill(source: str | Path) -> Skill:
@@ -175,11 +178,15 @@ def load_skill(source: str | Path) -> Skill:
     except OSError as error:
         raise InputError(f"cannot read the skill file {path}: {error.strerror or error}") from None
     except (ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path} is not a skill file or is damaged ({error}); learn it again with 'coevo learn'") from None
+        raise InputError(
+            f"{path} is not a skill file or is damaged ({error}); learn it again with 'coevo learn'"
+        ) from None
     try:
         header = json.loads(bytes(arrays["header"]))
         if header["format"] != FORMAT:
-            raise InputError(f"{path} has format {header['format']}, this version reads format {FORMAT}; learn it again")
+            raise InputError(
+                f"{path} has format {header['format']}, this version reads format {FORMAT}; learn it again"
+            )
         objects = tuple(
             ObjectModel(
                 str(item["kind"]),
@@ -202,7 +209,9 @@ def load_skill(source: str | Path) -> Skill:
     except (KeyError, TypeError, ValueError, IndexError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path} is not a skill file or is damaged ({error}); learn it again with 'coevo learn'") from None
+        raise InputError(
+            f"{path} is not a skill file or is damaged ({error}); learn it again with 'coevo learn'"
+        ) from None
     if skill.digest != header["digest"]:
         raise InputError(f"{path} is damaged: its contents do not match its digest; learn it again with 'coevo learn'")
     return skill

@@ -37,11 +37,13 @@ __all__ = [
     "GOAL_FEATURES",
     "OPPONENT_GOAL",
     "OWN_GOAL",
-    "ROBOT_FEATURES",
     "ROBOTS",
+    "ROBOT_FEATURES",
     "CameraParams",
+    "Retina",
     "camera_params",
     "look",
+    "make_retina",
     "object_count",
     "see",
 ]
@@ -69,6 +71,41 @@ class CameraParams(NamedTuple):
     mouth_high: float
     length: float
     noise: float
+
+
+class _Rim(NamedTuple):
+    """A horizontal circle in the image: lowest and highest column, and numbers of the quadratics in column and row."""
+
+    low: float
+    high: float
+    leading: float
+    drop: float
+    shift: float
+    b1: float
+    k1: float
+    k2: float
+
+
+class Retina(NamedTuple):
+    """Room for one image.
+
+    masks: (objects, columns) uint64, what each object covers where nothing hides it; only the columns of visible
+        objects are written. occupied: (columns,) uint64, all that is covered. scratch: (3, columns) float64.
+    """
+
+    masks: NDArray[np.uint64]
+    occupied: NDArray[np.uint64]
+    scratch: NDArray[np.float64]
+
+
+def make_retina(world: WorldSettings, robots: int) -> Retina:
+    """Make room for the images of a game of ``robots``."""
+    columns = world.camera.width_px
+    return Retina(
+        np.zeros((object_count(robots), columns), np.uint64),
+        np.zeros(columns, np.uint64),
+        np.zeros((3, columns)),
+    )
 
 
 def camera_params(world: WorldSettings) -> CameraParams:
@@ -99,8 +136,8 @@ def object_count(robots: int) -> int:
     return ROBOTS + robots - 1
 
 
-@intrinsic  # type: ignore[misc]  # numba's decorators carry no types
-def _trailing_zeros(_typing: Any, word: Any) -> Any:
+@intrinsic
+def _trailing_zeros(_typing: Any, _word: Any) -> Any:
     """Count the zeros below the lowest set bit of a non-zero 64-bit word."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
@@ -110,15 +147,22 @@ def _trailing_zeros(_typing: Any, word: Any) -> Any:
 
 
 @helper
-def _rows(camera: CameraParams, low: float, high: float) -> np.uint64:
-    """Return the word of the rows whose centres lie in [low, high] (in units of the focal length, downwards)."""
-    half = 0.5 * camera.rows - 0.5
-    top = max(math.ceil(max(low, -4.0) * camera.fy + half), 0.0)
-    bottom = min(math.floor(min(high, 4.0) * camera.fy + half), camera.rows - 1.0)
-    if top > bottom:
-        return np.uint64(0)
+def _fill_rows(
+    camera: CameraParams, lows: NDArray[np.float64], highs: NDArray[np.float64], words: NDArray[np.uint64]
+) -> None:
+    """Set each column's word to the rows whose centres lie in [low, high] (in focal lengths, downwards).
+
+    Written without branches, so that LLVM computes several columns at once.
+    """
+    half, bottom = 0.5 * camera.rows - 0.5, camera.rows - 1.0
     ones = np.uint64(0xFFFFFFFFFFFFFFFF)
-    return (ones >> np.uint64(63 - int(bottom - top))) << np.uint64(int(top))
+    for k in range(words.shape[0]):
+        first = math.ceil(min(max(lows[k] * camera.fy + half, 0.0), 64.0))
+        last = math.floor(min(max(highs[k] * camera.fy + half, -1.0), bottom))
+        count = max(last - first + 1.0, 0.0)
+        # Two shifts, since a shift by 64 is undefined.
+        word = (ones >> np.uint64(np.int32(63.0 - max(count - 1.0, 0.0)))) << np.uint64(np.int32(min(first, 63.0)))
+        words[k] = word if count > 0.0 else np.uint64(0)
 
 
 @helper
@@ -194,7 +238,13 @@ def _collect(
 
 
 @helper
-def _ball_masks(camera: CameraParams, forward: float, right: float, masks: NDArray[np.uint64]) -> tuple[int, int]:
+def _ball_masks(
+    camera: CameraParams,
+    forward: float,
+    right: float,
+    scratch: NDArray[np.float64],
+    masks: NDArray[np.uint64],
+) -> tuple[int, int]:
     """Fill the column words of the ball; return the range of columns (empty if it is out of view)."""
     down = camera.height - camera.ball_radius
     x = right
@@ -206,111 +256,120 @@ def _ball_masks(camera: CameraParams, forward: float, right: float, masks: NDArr
     # The planes of image columns that touch the sphere.
     spread = camera.ball_radius * math.sqrt(x * x + z * z - square)
     first, last = _column_range(camera, (x * z - spread) / (z * z - square), (x * z + spread) / (z * z - square))
+    if first >= last:
+        return 0, 0
     # A ray (a, b, 1) hits where (p.d)^2 >= |d|^2 (|p|^2 - R^2): a quadratic in b for each column a.
     cone = x * x + y * y + z * z - square
     quadratic = y * y - cone
-    for c in range(first, last):
-        a = (c + 0.5 - 0.5 * camera.columns) / camera.fx
+    scale, per_column, start = -1.0 / quadratic, 1.0 / camera.fx, first - 0.5 * camera.columns + 0.5
+    lows, highs = scratch[0, : last - first], scratch[1, : last - first]
+    for k in range(lows.shape[0]):
+        a = (start + k) * per_column
         ahead = a * x + z
         linear = y * ahead
         under = linear * linear - quadratic * (ahead * ahead - cone * (a * a + 1.0))
-        if under < 0.0:
-            masks[c] = np.uint64(0)
-            continue
-        root = math.sqrt(under)
-        masks[c] = _rows(camera, (linear - root) / -quadratic, (linear + root) / -quadratic)
+        root = math.sqrt(max(under, 0.0))
+        lows[k] = (linear - root) * scale if under >= 0.0 else 9.0
+        highs[k] = (linear + root) * scale
+    _fill_rows(camera, lows, highs, masks[first:last])
     return first, last
 
 
 @helper
-def _rim_range(
-    camera: CameraParams, forward: float, right: float, drop: float, square: float
-) -> tuple[float, float, float]:
-    """Return the lowest and highest column position of a rim (a horizontal circle), and its leading coefficient."""
+def _make_rim(camera: CameraParams, forward: float, right: float, drop: float, square: float) -> _Rim:
+    """Return the image of a horizontal circle as quadratics; ``drop``: how far below the camera it lies."""
     sine, cosine = camera.sin_tilt, camera.cos_tilt
     a0, a1 = cosine * drop - forward * sine, -sine * drop - forward * cosine
     b1 = -right * cosine
     leading = a1 * a1 + b1 * b1 - square * cosine * cosine
-    k1 = a0 * a1 - square * sine * cosine
-    k2 = a0 * a0 - square * sine * sine
-    # The discriminant of the rim's quadratic is itself a quadratic in b0 = drop * a - right * sine.
+    k1, k2 = a0 * a1 - square * sine * cosine, a0 * a0 - square * sine * sine
+    low, high = math.inf, -math.inf
+    # The discriminant in b is itself a quadratic in b0 = drop * a - shift; its roots bound the columns.
     q2, q1, q0 = b1 * b1 - leading, k1 * b1, k1 * k1 - leading * k2
     under = q1 * q1 - q2 * q0
-    if under < 0.0 or abs(q2) < _NEAR or abs(drop) < _NEAR:
-        return math.inf, -math.inf, leading
-    root = math.sqrt(under)
-    one = ((-q1 - root) / q2 + right * sine) / drop
-    two = ((-q1 + root) / q2 + right * sine) / drop
-    return min(one, two), max(one, two), leading
+    if under >= 0.0 and abs(q2) > _NEAR and abs(drop) > _NEAR:
+        root, scale = math.sqrt(under), 1.0 / (q2 * drop)
+        one, two = (right * sine * q2 - q1 - root) * scale, (right * sine * q2 - q1 + root) * scale
+        low, high = min(one, two), max(one, two)
+    return _Rim(low, high, leading, drop, right * sine, b1, k1, k2)
 
 
 @helper
-def _rim_roots(
-    camera: CameraParams, forward: float, right: float, drop: float, square: float, leading: float, a: float
-) -> tuple[bool, float, float]:
-    """Return whether column ``a`` crosses a rim, and between which heights in the image."""
-    sine, cosine = camera.sin_tilt, camera.cos_tilt
-    a0, a1 = cosine * drop - forward * sine, -sine * drop - forward * cosine
-    b0, b1 = a * drop - right * sine, -right * cosine
-    linear = a0 * a1 + b0 * b1 - square * sine * cosine
-    constant = a0 * a0 + b0 * b0 - square * sine * sine
-    under = linear * linear - leading * constant
-    if under < 0.0:
-        return False, 0.0, 0.0
-    root = math.sqrt(under)
-    return True, (-linear - root) / leading, (-linear + root) / leading
-
-
-@helper
-def _robot_masks(camera: CameraParams, forward: float, right: float, masks: NDArray[np.uint64]) -> tuple[int, int]:
+def _robot_masks(
+    camera: CameraParams,
+    forward: float,
+    right: float,
+    scratch: NDArray[np.float64],
+    masks: NDArray[np.uint64],
+) -> tuple[int, int]:
     """Fill the column words of another robot; return the range of columns (empty if it is out of view)."""
     radius, sine, cosine = camera.robot_radius, camera.sin_tilt, camera.cos_tilt
     square = radius * radius
     distance2 = forward * forward + right * right
     if forward <= -radius or distance2 <= square:
         return 0, 0
-    floor_drop, top_drop = camera.height, camera.height - camera.robot_height
-    low_a, low_b, floor_leading = _rim_range(camera, forward, right, floor_drop, square)
-    top_a, top_b, top_leading = _rim_range(camera, forward, right, top_drop, square)
-    if floor_leading <= _NEAR or top_leading <= _NEAR:
+    floor = _make_rim(camera, forward, right, camera.height, square)
+    top = _make_rim(camera, forward, right, camera.height - camera.robot_height, square)
+    if floor.leading <= _NEAR or top.leading <= _NEAR:
         return 0, 0
-    first, last = _column_range(camera, min(low_a, top_a), max(low_b, top_b))
+    first, last = _column_range(camera, min(floor.low, top.low), max(floor.high, top.high))
     if first >= last:
         return 0, 0
-    # Directions (forward, right) of the vertical planes that touch the cylinder left and right.
+    # Directions (forward, right) of the vertical planes that touch the cylinder left and right. Each plane is a line
+    # of the image: constant + slope a + inclination b >= 0 on the robot's side.
     tangent = math.sqrt(distance2 - square)
-    left_f, left_r = (forward * tangent + right * radius) / distance2, (right * tangent - forward * radius) / distance2
-    right_f, right_r = (forward * tangent - right * radius) / distance2, (right * tangent + forward * radius) / distance2
-    for c in range(first, last):
-        a = (c + 0.5 - 0.5 * camera.columns) / camera.fx
-        low, high = -4.0, 4.0
-        slope, offset = left_r * sine, left_r * cosine - left_f * a  # slope * b >= offset
-        if slope > _NEAR:
-            low = max(low, offset / slope)
-        elif slope < -_NEAR:
-            high = min(high, offset / slope)
-        elif offset > 0.0:
-            high = -5.0
-        slope, offset = -right_r * sine, right_f * a - right_r * cosine
-        if slope > _NEAR:
-            low = max(low, offset / slope)
-        elif slope < -_NEAR:
-            high = min(high, offset / slope)
-        elif offset > 0.0:
-            high = -5.0
-        on_floor, _, floor_near = _rim_roots(camera, forward, right, floor_drop, square, floor_leading, a)
-        on_top, top_far, _ = _rim_roots(camera, forward, right, top_drop, square, top_leading, a)
-        if on_floor:
-            high = min(high, floor_near)
-        if on_top:
-            low = max(low, top_far)
-        if low <= high and not (on_floor and on_top):
-            # The column misses a rim: its rays pass the cylinder on one side of it, all or none.
-            b = 0.5 * (low + high)
-            if not _hits_cylinder(camera, forward, right, a, b):
-                high = low - 1.0
-        masks[c] = _rows(camera, low, high)
+    left_f, left_r = (
+        (forward * tangent + right * radius) / distance2,
+        (right * tangent - forward * radius) / distance2,
+    )
+    right_f, right_r = (
+        (forward * tangent - right * radius) / distance2,
+        (right * tangent + forward * radius) / distance2,
+    )
+    left = _bounds(-left_r * cosine, left_f, left_r * sine)
+    other = _bounds(right_r * cosine, -right_f, -right_r * sine)
+    floor_scale, top_scale = 1.0 / floor.leading, 1.0 / top.leading
+    per_column, start = 1.0 / camera.fx, first - 0.5 * camera.columns + 0.5
+    columns = last - first
+    lows, highs, missed = scratch[0, :columns], scratch[1, :columns], scratch[2, :columns]
+    for k in range(columns):
+        a = (start + k) * per_column
+        low = max(left[0] + left[1] * a, other[0] + other[1] * a)
+        high = min(left[2] + left[3] * a, other[2] + other[3] * a)
+        b0 = a * floor.drop - floor.shift
+        linear = floor.k1 + b0 * floor.b1
+        under_floor = linear * linear - floor.leading * (floor.k2 + b0 * b0)
+        near = (math.sqrt(max(under_floor, 0.0)) - linear) * floor_scale
+        highs[k] = min(high, near) if under_floor >= 0.0 else high
+        b0 = a * top.drop - top.shift
+        linear = top.k1 + b0 * top.b1
+        under_top = linear * linear - top.leading * (top.k2 + b0 * b0)
+        far = (-math.sqrt(max(under_top, 0.0)) - linear) * top_scale
+        lows[k] = max(low, far) if under_top >= 0.0 else low
+        missed[k] = min(under_floor, under_top)
+    for k in range(columns):
+        # A column that misses a rim: its rays pass the cylinder on one side of it, all or none.
+        if missed[k] < 0.0 and lows[k] <= highs[k]:
+            low, high = max(lows[k], -4.0), min(highs[k], 4.0)
+            if not _hits_cylinder(camera, forward, right, (start + k) * per_column, 0.5 * (low + high)):
+                highs[k] = lows[k] - 1.0
+    _fill_rows(camera, lows, highs, masks[first:last])
     return first, last
+
+
+@helper
+def _bounds(constant: float, slope: float, inclination: float) -> tuple[float, float, float, float]:
+    """Return the half-plane constant + slope a + inclination b >= 0 of the image as bounds of b in each column a.
+
+    Returns low0, low1, high0, high1: low0 + low1 a <= b <= high0 + high1 a. A line that hardly leans bounds either
+    nothing or all of a column.
+    """
+    if abs(inclination) < _NEAR:
+        inclination = _NEAR
+    at, lean = -constant / inclination, -slope / inclination
+    if inclination > 0.0:
+        return at, lean, 9.0, 0.0
+    return -9.0, 0.0, at, lean
 
 
 @helper
@@ -335,6 +394,7 @@ def _goal_masks(
     right_a: float,
     forward_b: float,
     right_b: float,
+    scratch: NDArray[np.float64],
     masks: NDArray[np.uint64],
 ) -> tuple[int, int]:
     """Fill the column words of a goal mouth whose left post is a and right post is b, as the camera sees them."""
@@ -343,7 +403,11 @@ def _goal_masks(
     low, high = math.inf, -math.inf
     behind = 0
     for k in range(4):
-        f, r, d = (forward_a if k < 2 else forward_b), (right_a if k < 2 else right_b), (floor if k % 2 == 0 else top)
+        f, r, d = (
+            (forward_a if k < 2 else forward_b),
+            (right_a if k < 2 else right_b),
+            (floor if k % 2 == 0 else top),
+        )
         z = f * cosine + d * sine
         if z <= _NEAR:
             behind += 1
@@ -356,48 +420,31 @@ def _goal_masks(
     first, last = _column_range(camera, low, high)
     if first >= last:
         return 0, 0
-    # Planes through the camera and the edges: left post, top, right post, foot. e0 + e1 a + e2 b >= 0 inside.
-    left0, left1, left2 = _post_plane(forward_a, right_a, sine, cosine, 1.0)
-    right0, right1, right2 = _post_plane(forward_b, right_b, sine, cosine, -1.0)
-    top0, top1, top2 = _level_plane(forward_a, right_a, forward_b, right_b, top, sine, cosine, 1.0)
-    foot0, foot1, foot2 = _level_plane(forward_a, right_a, forward_b, right_b, floor, sine, cosine, -1.0)
-    for c in range(first, last):
-        a = (c + 0.5 - 0.5 * camera.columns) / camera.fx
-        lo, hi = -4.0, 4.0
-        lo, hi = _clip(left0 + left1 * a, left2, lo, hi)
-        lo, hi = _clip(right0 + right1 * a, right2, lo, hi)
-        lo, hi = _clip(top0 + top1 * a, top2, lo, hi)
-        lo, hi = _clip(foot0 + foot1 * a, foot2, lo, hi)
-        masks[c] = _rows(camera, lo, hi)
+    # Planes through the camera and the edges: left post, right post, top, foot.
+    left = _bounds(-right_a * cosine, forward_a, right_a * sine)
+    right = _bounds(right_b * cosine, -forward_b, -right_b * sine)
+    over = _level_bounds(forward_a, right_a, forward_b, right_b, top, sine, cosine, 1.0)
+    under = _level_bounds(forward_a, right_a, forward_b, right_b, floor, sine, cosine, -1.0)
+    per_column, start = 1.0 / camera.fx, first - 0.5 * camera.columns + 0.5
+    lows, highs = scratch[0, : last - first], scratch[1, : last - first]
+    for k in range(lows.shape[0]):
+        a = (start + k) * per_column
+        low = max(left[0] + left[1] * a, right[0] + right[1] * a)
+        high = min(left[2] + left[3] * a, right[2] + right[3] * a)
+        lows[k] = max(low, over[0] + over[1] * a, under[0] + under[1] * a)
+        highs[k] = min(high, over[2] + over[3] * a, under[2] + under[3] * a)
+    _fill_rows(camera, lows, highs, masks[first:last])
     return first, last
 
 
 @helper
-def _post_plane(f: float, r: float, sine: float, cosine: float, side: float) -> tuple[float, float, float]:
-    """Return the half-space right (side 1) or left (side -1) of the vertical plane through a post."""
-    return -side * r * cosine, side * f, side * r * sine
-
-
-@helper
-def _level_plane(
+def _level_bounds(
     fa: float, ra: float, fb: float, rb: float, drop: float, sine: float, cosine: float, side: float
-) -> tuple[float, float, float]:
-    """Return the half-space below (side 1) or above (side -1) the plane through a level edge."""
+) -> tuple[float, float, float, float]:
+    """Return the half-plane below (side 1) or above (side -1) the image of a level edge, as ``_bounds``."""
     # Normal = a x b of the edge's ends (f, r, drop); its downward part is the positive fa rb - ra fb.
     nf, nr, nd = (ra - rb) * drop, (fb - fa) * drop, fa * rb - ra * fb
-    return side * (nf * cosine + nd * sine), side * nr, side * (nd * cosine - nf * sine)
-
-
-@helper
-def _clip(constant: float, slope: float, low: float, high: float) -> tuple[float, float]:
-    """Cut the interval [low, high] to where constant + slope * b >= 0."""
-    if slope > _NEAR:
-        return max(low, -constant / slope), high
-    if slope < -_NEAR:
-        return low, min(high, -constant / slope)
-    if constant < 0.0:
-        return low, low - 1.0
-    return low, high
+    return _bounds(side * (nf * cosine + nd * sine), side * nr, side * (nd * cosine - nf * sine))
 
 
 @helper
@@ -406,8 +453,7 @@ def look(
     state: NDArray[np.float64],
     robot: int,
     side: int,
-    masks: NDArray[np.uint64],
-    occupied: NDArray[np.uint64],
+    retina: Retina,
     features: NDArray[np.float64],
     areas: NDArray[np.float64],
 ) -> None:
@@ -418,12 +464,11 @@ def look(
         state: (robots + 1, 6) state of the world.
         robot: whose camera.
         side: 0 if the robot attacks the goal at x = length, 1 if the one at x = 0.
-        masks: (objects, columns) uint64, filled with what each object covers where nothing hides it; only
-            the columns of visible objects are written.
-        occupied: (columns,) uint64, scratch; in the end all that is covered.
+        retina: room for the image.
         features: (objects, 11), rows of visible objects are replaced.
         areas: (objects,), area in pixels, 0 where the object is not visible.
     """
+    masks, occupied, scratch = retina.masks, retina.occupied, retina.scratch
     ball = state.shape[0] - 1
     x, y = state[robot, 0], state[robot, 1]
     cosine, sine = math.cos(state[robot, 2]), math.sin(state[robot, 2])
@@ -431,6 +476,7 @@ def look(
         occupied[c] = np.uint64(0)
     for o in range(areas.shape[0]):
         areas[o] = -1.0
+    edge = 0.5 * camera.columns / camera.fx
     # Balls and robots, nearest first. Discs that do not overlap hide each other in the order of d^2 - r^2.
     for _ in range(ball):
         nearest, power = -1, math.inf
@@ -449,12 +495,15 @@ def look(
         dx, dy = state[nearest, 0] - x, state[nearest, 1] - y
         forward, right = dx * cosine + dy * sine, dx * sine - dy * cosine
         areas[thing] = 0.0
-        if forward <= -camera.robot_radius:
+        # The widest column of the image lies at |right| = edge * depth, and no point is deeper than one on the floor.
+        size = camera.ball_radius if nearest == ball else camera.robot_radius
+        reach = edge * ((forward + size) * camera.cos_tilt + camera.height * camera.sin_tilt)
+        if forward <= -size or right - size > reach or right + size < -reach:
             continue
         if nearest == ball:
-            first, last = _ball_masks(camera, forward, right, masks[thing])
+            first, last = _ball_masks(camera, forward, right, scratch, masks[thing])
         else:
-            first, last = _robot_masks(camera, forward, right, masks[thing])
+            first, last = _robot_masks(camera, forward, right, scratch, masks[thing])
         if first < last:
             areas[thing] = _collect(masks[thing], occupied, first, last, False, features[thing])
             row = features[thing]
@@ -475,14 +524,13 @@ def look(
         if at_far_end:
             left_y, right_y = camera.mouth_high, camera.mouth_low
         dx, left, right = line - x, left_y - y, right_y - y
-        first, last = _goal_masks(
-            camera,
-            dx * cosine + left * sine,
-            dx * sine - left * cosine,
-            dx * cosine + right * sine,
-            dx * sine - right * cosine,
-            masks[thing],
-        )
+        left_f, left_r = dx * cosine + left * sine, dx * sine - left * cosine
+        right_f, right_r = dx * cosine + right * sine, dx * sine - right * cosine
+        left_reach = edge * (left_f * camera.cos_tilt + camera.height * camera.sin_tilt)
+        right_reach = edge * (right_f * camera.cos_tilt + camera.height * camera.sin_tilt)
+        if (left_r > left_reach and right_r > right_reach) or (left_r < -left_reach and right_r < -right_reach):
+            continue  # both posts lie beyond the same edge of the image
+        first, last = _goal_masks(camera, left_f, left_r, right_f, right_r, scratch, masks[thing])
         if first < last:
             areas[thing] = _collect(masks[thing], occupied, first, last, True, features[thing])
             features[thing, 10] = areas[thing]
@@ -502,11 +550,9 @@ def see(
     state: NDArray[np.float64],
     robot: int,
     side: int,
-    masks: NDArray[np.uint64],
+    retina: Retina,
     features: NDArray[np.float64],
     areas: NDArray[np.float64],
 ) -> None:
-    """Call ``look`` from Python, with ``masks`` zeroed and in the end what is visible of each object."""
-    occupied = np.zeros(camera.columns, np.uint64)
-    masks[:] = np.uint64(0)
-    look(camera, state, robot, side, masks, occupied, features, areas)
+    """Call ``look`` from Python."""
+    look(camera, state, robot, side, retina, features, areas)

@@ -59,7 +59,9 @@ def event_params(world: WorldSettings, game: GameSettings) -> EventParams:
 def make_events(robots: int) -> Events:
     """Make room for the events of a game of ``robots``."""
     return Events(
-        *(np.zeros(robots, np.int64) for _ in range(3)),
+        kicks=np.zeros(robots, np.int64),
+        collisions=np.zeros(robots, np.int64),
+        passes=np.zeros(robots, np.int64),
         touching=np.zeros((robots, robots), np.bool_),
         last_touch=np.full(1, -1, np.int64),
         touched_at=np.zeros(1, np.int64),
@@ -96,7 +98,12 @@ def record_contacts(
         if ball_gap[r] <= params.contact_gap:
             events.kicks[r] += 1
             last = events.last_touch[0]
-            if last >= 0 and last != r and teams[last] == teams[r] and time - events.touched_at[0] <= params.pass_window:
+            if (
+                last >= 0
+                and last != r
+                and teams[last] == teams[r]
+                and time - events.touched_at[0] <= params.pass_window
+            ):
                 events.passes[last] += 1
             events.last_touch[0] = r
             events.touched_at[0] = time
@@ -125,4 +132,4 @@ def goal_scored(physics: PhysicsParams, state: NDArray[np.float64]) -> int:
 @helper
 def out_of_field(physics: PhysicsParams, state: NDArray[np.float64], robot: int) -> bool:
     """Tell whether a robot's centre is behind a goal line; elsewhere the walls hold it."""
-    return state[robot, 0] < 0.0 or state[robot, 0] > physics.length
+    return bool(state[robot, 0] < 0.0 or state[robot, 0] > physics.length)

@@ -24,7 +24,10 @@ def walls(field: FieldSettings) -> list[Wall]:
     """
     length, width, half = field.length_m, field.width_m, 0.5 * field.wall_thickness_m
     low, high = 0.5 * (width - field.goal_width_m), 0.5 * (width + field.goal_width_m)
-    found = [Wall((-half, -half), (length + half, -half)), Wall((-half, width + half), (length + half, width + half))]
+    found = [
+        Wall((-half, -half), (length + half, -half)),
+        Wall((-half, width + half), (length + half, width + half)),
+    ]
     for line, outwards in ((0.0, -1.0), (length, 1.0)):
         face, back = line + outwards * half, line + outwards * (field.goal_depth_m + half)
         found += [

@@ -23,7 +23,8 @@ _TRIES = 1000
 def regions(robots: Sequence[StartSettings], ball: StartSettings) -> NDArray[np.float64]:
     """Return (bodies, 6): x low, high, y low, high [m], number of what is faced, spread [rad]; robots, then ball."""
     rows = [
-        (*start.x_m, *start.y_m, _FACING.index(start.facing), math.radians(start.spread_deg)) for start in [*robots, ball]
+        (*start.x_m, *start.y_m, _FACING.index(start.facing), math.radians(start.spread_deg))
+        for start in [*robots, ball]
     ]
     return np.array(rows, np.float64)
 

@@ -14,7 +14,7 @@ __all__ = ["below", "game_seed", "normal", "uniform"]
 
 def game_seed(*key: int) -> np.uint64:
     """Return the seed of one game from what identifies it, such as (run seed, generation, group, game)."""
-    return np.random.SeedSequence(list(key)).generate_state(1, np.uint64)[0]
+    return np.uint64(np.random.SeedSequence(list(key)).generate_state(1, np.uint64)[0])
 
 
 @helper

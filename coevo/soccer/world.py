@@ -41,7 +41,9 @@ class World:
         self._build_walls()
         self._shape_counter = int(_lib.cpSpaceGetShapeIDCounter(self.space._space))
         robot, ball = settings.robot, settings.ball
-        self.robots = [self._disc(robot.mass_kg, robot.radius_m, robot.elasticity, robot.friction) for _ in range(robots)]
+        self.robots = [
+            self._disc(robot.mass_kg, robot.radius_m, robot.elasticity, robot.friction) for _ in range(robots)
+        ]
         self.ball = self._disc(ball.mass_kg, ball.radius_m, ball.elasticity, ball.friction)
         self.bodies = [*self.robots, self.ball]
         self.handles = self._make_handles()
@@ -65,7 +67,11 @@ class World:
         # Room to spare: Chipmunk must never find the buffer full, as it would free memory that numpy owns.
         full, drive = np.zeros(6 * count + 8), np.zeros(3 * count + 8)
         full_array, drive_array = self._float_array(full), self._float_array(drive)
-        batches = [self._batch(full_array, _FULL), self._batch(full_array, _FULL), self._batch(drive_array, _VELOCITIES)]
+        batches = [
+            self._batch(full_array, _FULL),
+            self._batch(full_array, _FULL),
+            self._batch(drive_array, _VELOCITIES),
+        ]
         shapes = [next(iter(body.shapes)) for body in self.bodies]
         owned = [self.space._space, *batches]
         owned += [body._body for body in self.bodies] + [shape._shape for shape in shapes]
@@ -101,7 +107,9 @@ class World:
 
     def place(self, state: ArrayLike) -> None:
         """Put the bodies of a World that has not moved yet where ``state`` (bodies, 6) says."""
-        for body, (x, y, heading, vx, vy, turn) in zip(self.bodies, np.asarray(state, np.float64).tolist(), strict=True):
+        for body, (x, y, heading, vx, vy, turn) in zip(
+            self.bodies, np.asarray(state, np.float64).tolist(), strict=True
+        ):
             body.position, body.angle = (x, y), heading
             body.velocity, body.angular_velocity = (vx, vy), turn
 

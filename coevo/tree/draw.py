@@ -5,6 +5,9 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from coevo.tree.text import Tree
 
 __all__ = ["as_dot", "as_svg", "as_text"]
@@ -17,11 +20,11 @@ def _label(name: str) -> str:
     return name[3:].replace("_is_", " is ").replace("_", " ") + "?" if name.startswith("IF_") else name
 
 
-def _share(steps: Sequence[int] | None, node: int) -> float | None:
+def _share(steps: Sequence[int] | NDArray[np.int64] | None, node: int) -> float | None:
     return None if steps is None or not steps[0] else float(steps[node]) / float(steps[0])
 
 
-def as_text(tree: Tree, steps: Sequence[int] | None = None) -> str:
+def as_text(tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None) -> str:
     """Return a line a node, indented by depth; ``steps``: (nodes,) how often each was passed."""
     lines = []
     marks = _branches(tree)
@@ -40,9 +43,12 @@ def _branches(tree: Tree) -> list[str]:
     return marks
 
 
-def as_dot(tree: Tree, steps: Sequence[int] | None = None) -> str:
+def as_dot(tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None) -> str:
     """Return the tree for Graphviz."""
-    lines = ["digraph tree {", '  node [shape=box, style="rounded,filled", fillcolor=white, fontname="sans-serif"];']
+    lines = [
+        "digraph tree {",
+        '  node [shape=box, style="rounded,filled", fillcolor=white, fontname="sans-serif"];',
+    ]
     for node, name in enumerate(tree.names):
         share = _share(steps, node)
         use = "" if share is None else f"\\n{share:.1%}"
@@ -69,7 +75,7 @@ def _places(tree: Tree) -> list[float]:
     return places
 
 
-def as_svg(tree: Tree, steps: Sequence[int] | None = None) -> str:
+def as_svg(tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None) -> str:
     """Return the tree as an SVG picture: "yes" to the left; wider lines carried more steps, grey ones none."""
     places, depths = _places(tree), tree.depths
     margin = 70.0
@@ -77,8 +83,8 @@ def as_svg(tree: Tree, steps: Sequence[int] | None = None) -> str:
     ys = [30.0 + depth * _CELL_Y for depth in depths]
     width, height = max(xs) + margin, max(ys) + 40.0
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" viewBox="0 0 {width:.0f} {height:.0f}"'
-        ' font-family="sans-serif" font-size="11">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}">',
+        '<g font-family="sans-serif" font-size="11">',
         f'<title>{html.escape(str(tree)[:200])}</title><rect width="100%" height="100%" fill="white"/>',
     ]
     for node, second in enumerate(tree.second):
@@ -103,10 +109,12 @@ def as_svg(tree: Tree, steps: Sequence[int] | None = None) -> str:
         parts.append(
             f'<rect x="{xs[node] - box / 2:.1f}" y="{ys[node] - 11:.1f}" width="{box:.1f}" height="{_BOX_H}" rx="6"'
             f' fill="white" stroke="{colour}"/>'
-            f'<text x="{xs[node]:.1f}" y="{ys[node] + 4:.1f}" text-anchor="middle" fill="{colour}">{html.escape(text)}</text>'
+            f'<text x="{xs[node]:.1f}" y="{ys[node] + 4:.1f}" text-anchor="middle" fill="{colour}">'
+            f"{html.escape(text)}</text>"
         )
         if share is not None:
             parts.append(
-                f'<text x="{xs[node]:.1f}" y="{ys[node] + 21:.1f}" text-anchor="middle" fill="#64748b" font-size="9">{share:.1%}</text>'
+                f'<text x="{xs[node]:.1f}" y="{ys[node] + 21:.1f}" text-anchor="middle" fill="#64748b" font-size="9">'
+                f"{share:.1%}</text>"
             )
-    return "\n".join([*parts, "</svg>"])
+    return "\n".join([*parts, "</g></svg>"])

@@ -100,7 +100,10 @@ def _check_name(name: str, at: int) -> None:
     match = _FUNCTION.fullmatch(name)
     if name in SKILLS or (match and match.group(2) in CATEGORIES):
         return
-    known: Iterable[str] = [*SKILLS, *(f"IF_{o}_is_{c}" for o in ("ball", "own_goal", "opponent_goal", "r0", "r1", "r2") for c in CATEGORIES)]
+    known: Iterable[str] = [
+        *SKILLS,
+        *(f"IF_{o}_is_{c}" for o in ("ball", "own_goal", "opponent_goal", "r0", "r1", "r2") for c in CATEGORIES),
+    ]
     raise InputError(f"tree: unknown name {name!r} at character {at}.{nearest_name(name, known)}")
 
 
@@ -113,20 +116,24 @@ def parse(text: str) -> Tree:
     names: list[str] = []
     # What may come next: a node, or a fixed mark. The stack keeps what must follow.
     expected = ["node"]
-    for token, at in _tokens(text):
+    for word, at in _tokens(text):
         if not expected:
-            raise InputError(f"tree: expected the end after character {at - 1}, got {token!r}")
+            raise InputError(f"tree: expected the end after character {at - 1}, got {word!r}")
         want = expected.pop()
         if want != "node":
-            if token != want:
-                raise InputError(f"tree: expected {want!r} at character {at}, got {token!r}")
+            if word != want:
+                raise InputError(f"tree: expected {want!r} at character {at}, got {word!r}")
             continue
-        if token in "(),":
-            raise InputError(f"tree: expected IF_..._is_... or a skill ({', '.join(SKILLS)}) at character {at}, got {token!r}")
-        _check_name(token, at)
-        names.append(token)
-        if token.startswith("IF_"):
+        if word in ("(", ")", ","):
+            raise InputError(
+                f"tree: expected IF_..._is_... or a skill ({', '.join(SKILLS)}) at character {at}, got {word!r}"
+            )
+        _check_name(word, at)
+        names.append(word)
+        if word.startswith("IF_"):
             expected += [")", "node", ",", "node", "("]
     if expected:
-        raise InputError(f"tree: the text ends where {'a node' if expected[-1] == 'node' else repr(expected[-1])} was expected")
+        raise InputError(
+            f"tree: the text ends where {'a node' if expected[-1] == 'node' else repr(expected[-1])} was expected"
+        )
     return Tree(tuple(names))

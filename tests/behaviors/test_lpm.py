@@ -244,9 +244,7 @@ def test_projected_mu_equals_the_partial_canonical_correlations_of_statsmodels(s
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("kind", ["white", "held", "policy"])
 @pytest.mark.parametrize("size", [3, None])
-def test_model_equals_the_appendix_by_loops_and_never_crosses_segments(
-    mode: str, kind: str, size: int | None
-) -> None:
+def test_model_equals_the_appendix_by_loops_and_never_crosses_segments(mode: str, kind: str, size: int | None) -> None:
     segments = record(3, [60, 5, 200, 3, 6, 31, 100], kind)
     model = identify(segments, history_length=size, order=4, future_inputs=mode)
     reference = slow_identify(segments, model.history_length, 4, mode)
@@ -371,8 +369,7 @@ def test_projecting_finds_the_true_order(kind: str) -> None:
     rng = np.random.default_rng(1000)
     recorded = random_systems(rng, 60).simulate(rng, 5000, kind)
     orders = [
-        identify([segment], history_length=4, future_inputs="project").order
-        for segment in zip(*recorded, strict=True)
+        identify([segment], history_length=4, future_inputs="project").order for segment in zip(*recorded, strict=True)
     ]
     assert np.mean(np.array(orders) == STATES) >= 0.95
 
@@ -421,9 +418,7 @@ def regression_error(train: Segment, test: Segment, size: int) -> float:
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("size", [3, 4, 5])
-def test_prediction_is_nearly_that_of_the_kalman_filter(
-    mode: str, size: int, benchmark_systems: Benchmark
-) -> None:
+def test_prediction_is_nearly_that_of_the_kalman_filter(mode: str, size: int, benchmark_systems: Benchmark) -> None:
     to_kalman, to_regression = [], []
     for train, test, kalman_error in zip(*vars(benchmark_systems).values(), strict=True):
         model = identify([train], history_length=size, future_inputs=mode)
@@ -457,9 +452,7 @@ def test_history_stops_where_the_norm_of_r_gains_less_than_5_percent(mode: str) 
     segments = record(14, [3000])
     deviation = segments[0][1].std(axis=0)
     models = [identify(segments, history_length=size, future_inputs=mode) for size in range(1, 8)]
-    norms = [
-        np.linalg.norm(model.residual_covariance / np.outer(deviation, deviation), 2) for model in models
-    ]
+    norms = [np.linalg.norm(model.residual_covariance / np.outer(deviation, deviation), 2) for model in models]
     gains = 1.0 - np.array(norms[1:]) / np.array(norms[:-1])
     expected = int(np.argmax(gains < 0.05)) + 1
     assert identify(segments, future_inputs=mode).history_length == expected
@@ -476,9 +469,7 @@ def test_threshold_ends_the_lengthening() -> None:
 
 def test_few_data_keep_the_history_short() -> None:
     (u, y), *_ = record(14, [3000])
-    assert (
-        identify([(u[:60], y[:60])]).history_length <= 3
-    )  # 5 windows a variable: 55 of 5 * 24 would be needed
+    assert identify([(u[:60], y[:60])]).history_length <= 3  # 5 windows a variable: 55 of 5 * 24 would be needed
 
 
 def test_history_starts_where_the_order_is_possible() -> None:
@@ -528,9 +519,7 @@ def test_a_system_without_noise_gives_finite_results(mode: str) -> None:
         for field in fields(model):
             assert np.isfinite(getattr(model, field.name)).all(), field.name
         assert np.all(model.contribution <= 1.0)
-    if (
-        mode == "project"
-    ):  # what is kept of future inputs disturbs the directions, and the prediction is not exact
+    if mode == "project":  # what is kept of future inputs disturbs the directions, and the prediction is not exact
         assert (model.history_length, model.order) == (2, STATES)  # 2 * 3 observations determine 4 states
         np.testing.assert_allclose(model.predict(*segments[0])[2:], segments[0][1][2:], atol=1e-9)
 
@@ -690,22 +679,14 @@ def _with(value: float) -> Segment:
             id="other-m",
         ),
         pytest.param([_segment(100), _segment(100, q=1)], {}, "segment 1 has m = 2 and q = 1", id="other-q"),
-        pytest.param(
-            [_with(np.nan)], {}, "segment 0 holds NaN or infinite values, first in row 17", id="nan"
-        ),
+        pytest.param([_with(np.nan)], {}, "segment 0 holds NaN or infinite values, first in row 17", id="nan"),
         pytest.param([_segment(100), _with(np.inf)], {}, "segment 1 holds NaN or infinite", id="inf"),
-        pytest.param(
-            [(_segment(100)[0], np.full((100, 3), 0.1))], {}, "all 3 observations are const", id="const"
-        ),
-        pytest.param(
-            [_segment(100)], {"future_inputs": "drop"}, "'keep' or 'project', not 'drop'", id="mode"
-        ),
+        pytest.param([(_segment(100)[0], np.full((100, 3), 0.1))], {}, "all 3 observations are const", id="const"),
+        pytest.param([_segment(100)], {"future_inputs": "drop"}, "'keep' or 'project', not 'drop'", id="mode"),
         pytest.param([_segment(100)], {"history_length": 0}, "history_length must be at least 1", id="l-0"),
         pytest.param([_segment(100)], {"history_length": 1.5}, "whole number .* not 1.5", id="l-float"),
         pytest.param([_segment(100)], {"order": 0}, "order must be at least 1", id="n-0"),
-        pytest.param(
-            [_segment(100)], {"threshold": 0.0}, "threshold must be a positive norm", id="threshold-0"
-        ),
+        pytest.param([_segment(100)], {"threshold": 0.0}, "threshold must be a positive norm", id="threshold-0"),
         pytest.param([_segment(100)], {"threshold": np.nan}, "not nan", id="threshold-nan"),
         pytest.param(
             [_segment(5), _segment(3)],
@@ -713,18 +694,14 @@ def _with(value: float) -> Segment:
             "needs a segment of at least 6 rows, the longest of 2 has 5; record longer",
             id="all-short",
         ),
-        pytest.param(
-            [_segment(1), _segment(0)], {}, "history_length 1 needs a segment of at least 2", id="all-tiny"
-        ),
+        pytest.param([_segment(1), _segment(0)], {}, "history_length 1 needs a segment of at least 2", id="all-tiny"),
         pytest.param(
             [_segment(15), _segment(14)],
             {"history_length": 3},
             "needs more than 24 windows .* these segments hold 19; record more",
             id="few-windows",
         ),
-        pytest.param(
-            [_segment(9)], {}, "history_length 1 .* more than 8 windows .* hold 8;", id="few-windows-auto"
-        ),
+        pytest.param([_segment(9)], {}, "history_length 1 .* more than 8 windows .* hold 8;", id="few-windows-auto"),
         pytest.param(
             [_segment(15)],
             {"future_inputs": "project", "history_length": 2},
@@ -737,9 +714,7 @@ def _with(value: float) -> Segment:
             "order 7 is too large: the data with history_length 2 allow at most 6",
             id="order",
         ),
-        pytest.param(
-            [_segment(60)], {"order": 20}, "order 20 is too large: .* allow at most", id="order-auto"
-        ),
+        pytest.param([_segment(60)], {"order": 20}, "order 20 is too large: .* allow at most", id="order-auto"),
         pytest.param(
             [(_segment(100)[0], np.repeat(_segment(100)[1][:, :1], 3, axis=1))],
             {"history_length": 2, "order": 3},
@@ -754,9 +729,7 @@ def _with(value: float) -> Segment:
         ),
     ],
 )
-def test_errors_say_what_came_and_what_to_do(
-    segments: list[Segment], options: dict[str, object], message: str
-) -> None:
+def test_errors_say_what_came_and_what_to_do(segments: list[Segment], options: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         identify(segments, **options)  # type: ignore[arg-type]
 

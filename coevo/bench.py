@@ -1,0 +1,149 @@
+"""How fast games are on this machine, always as ratios within one run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from coevo.config import RunSettings, check, read_toml
+from coevo.evolution.evaluation import Evaluator
+from coevo.evolution.loop import evolve
+from coevo.evolution.population import codes_of, first_population
+from coevo.game import Arena, warm_up
+from coevo.plain import PlainGame
+from coevo.run import create_run
+from coevo.soccer.drive import action_set
+from coevo.soccer.physics import physics_params, replay
+from coevo.soccer.rng import game_seed
+from coevo.soccer.world import World
+from coevo.tree import from_codes, function_set
+from coevo.tree.program import compile_program
+
+__all__ = ["measure"]
+
+_GROUP = 20  # games of one grouping
+_ROUNDS = 5
+
+
+def _settings() -> RunSettings:
+    preset = Path(str(files("coevo"))) / "presets" / "three-learners.toml"
+    return check(RunSettings, read_toml(preset), "three-learners")
+
+
+def measure(games: int, plain_games: int, *, tell: Callable[[str], None]) -> dict[str, Any]:
+    """Time games of the three-learners preset between random trees of the dissertation's size.
+
+    Args:
+        games: compiled games in each round.
+        plain_games: games of the plain loop, which are also played compiled.
+        tell: receives a line before each part.
+    """
+    settings = _settings()
+    robots = len(settings.players)
+    warm_up(settings, tell)
+    arena = Arena(settings)
+    functions = [function_set(robot, robots) for robot in range(robots)]
+    populations = [
+        [
+            codes_of(tree, functions[robot])
+            for tree in first_population(settings.gp, functions[robot], seed=0, robot=robot)
+        ]
+        for robot in range(robots)
+    ]
+    teams = [[populations[robot][i] for robot in range(robots)] for i in range(max(1, games // _GROUP))]
+    programs = [[compile_program(codes, functions[robot]) for robot, codes in enumerate(team)] for team in teams]
+    seeds = [
+        np.array([game_seed(0, 9, group, game) for game in range(_GROUP)], np.uint64) for group in range(len(teams))
+    ]
+
+    tell("Timing compiled games and their physics alone ...")
+    # The same games once more, for the commands that their physics is replayed with.
+    traces = [[arena.trace(team, seed)[1] for seed in random] for team, random in zip(programs, seeds, strict=True)]
+    commands = action_set(settings.world.robot).commands
+    rolls = [(trace.states[0], commands[trace.actions]) for group in traces for trace in group]
+    world, physics = World(settings.world, robots), physics_params(settings.world)
+    states = np.empty((settings.game.time_limit_steps, robots + 1, 6))
+    game_times, physics_times, steps = [], [], 0
+    for _ in range(_ROUNDS):
+        began = time.perf_counter()
+        outcomes = [arena.play(team, random) for team, random in zip(programs, seeds, strict=True)]
+        game_times.append(time.perf_counter() - began)
+        steps = sum(int(outcome.steps.sum()) for outcome in outcomes)
+        began = time.perf_counter()
+        for start, order in rolls:
+            replay(world.handles, physics, start, order, states)
+        physics_times.append(time.perf_counter() - began)
+    count = len(rolls)
+    game_us = float(np.median(game_times)) / steps * 1e6
+    physics_us = float(np.median(physics_times)) / steps * 1e6
+
+    tell(f"Playing {plain_games} games in the plain loop ...")
+    plain = PlainGame(settings, camera="opencv")
+    plain_seconds, compiled_seconds = 0.0, 0.0
+    for i in range(plain_games):
+        team = i % len(teams)
+        trees = [from_codes(codes, functions[robot]) for robot, codes in enumerate(teams[team])]
+        began = time.perf_counter()
+        plain_outcome, _ = plain.play(trees, seeds[team][i])
+        plain_seconds += (time.perf_counter() - began) / int(plain_outcome.steps[0])
+        began = time.perf_counter()
+        outcome = arena.play(programs[team], seeds[team][i : i + 1])
+        compiled_seconds += (time.perf_counter() - began) / int(outcome.steps[0])
+
+    tell("Timing one and two workers, and whole generations ...")
+    two_workers, bookkeeping = _workers(settings)
+    return {
+        "games_per_second": count / float(np.median(game_times)),
+        "microseconds_per_step": game_us,
+        "pure_physics_microseconds_per_step": physics_us,
+        "ratio_to_pure_physics": float(np.median(np.array(game_times) / np.array(physics_times))),
+        "plain_loop_games_per_second": plain_games / (plain_seconds * steps / count),
+        "speedup_over_plain_loop": plain_seconds / compiled_seconds,
+        "two_workers_speedup": two_workers,
+        "bookkeeping_share": bookkeeping,
+        "cached_start_seconds": _cached_start(),
+        "mean_steps": steps / count,
+        "games": count,
+        "plain_games": plain_games,
+    }
+
+
+def _workers(settings: RunSettings) -> tuple[float, float]:
+    """Return how much faster two threads are than one, and the share of a generation that is not games."""
+    gp = msgspec.structs.replace(settings.gp, generations=2)
+    settings = msgspec.structs.replace(settings, gp=gp)
+    seconds: dict[int, list[float]] = {1: [], 2: []}
+    shares: list[float] = []
+    for workers in (1, 2, 1, 2):
+        with tempfile.TemporaryDirectory() as folder:
+            run = create_run(Path(folder) / "run", settings)
+            with Evaluator(settings, workers=workers, backend="threads") as evaluator:
+
+                def report(of: Any, workers: int = workers) -> None:
+                    seconds[workers].append(of.playing_seconds)
+                    if workers == 2:
+                        shares.append(of.other_seconds / (of.playing_seconds + of.other_seconds))
+
+                evolve(run, evaluator, report)
+    # The first generation breeds and the last does not: take those that breed.
+    return float(np.median(np.array(seconds[1]) / np.array(seconds[2]))), float(np.median(shares[0::2]))
+
+
+def _cached_start() -> float:
+    """Return the seconds from the start of a new Python process until games can begin."""
+    code = "from coevo.bench import _settings; from coevo.game import warm_up; warm_up(_settings(), print)"
+    times = []
+    for _ in range(3):
+        began = time.perf_counter()
+        subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)  # noqa: S603 - our own code
+        times.append(time.perf_counter() - began)
+    return float(np.median(times))

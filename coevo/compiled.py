@@ -21,8 +21,11 @@ from typing import Any, TypeVar, cast
 import llvmlite.binding
 import numba
 import platformdirs
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 
-__all__ = ["cache_folder", "entry", "helper", "is_compiled"]
+__all__ = ["borrowed", "cache_folder", "entry", "helper", "is_compiled"]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _PACKAGES = Path(__file__).resolve().parents[1]
@@ -51,6 +54,34 @@ def cache_folder() -> Path:
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     root = os.environ.get("COEVO_CACHE_DIR") or platformdirs.user_cache_dir("coevo")
     return Path(root) / digest.hexdigest()[:20]
+
+
+def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    if isinstance(kind, types.Array):
+        array = make_array(kind)(context, builder, value=value)
+        array.meminfo = cgutils.get_null_value(array.meminfo.type)
+        array.parent = cgutils.get_null_value(array.parent.type)
+        return array._getvalue()  # noqa: SLF001 - numba's own name for it
+    if isinstance(kind, types.BaseTuple):
+        parts = cgutils.unpack_tuple(builder, value, len(kind))
+        parts = [_without_owner(context, builder, *part) for part in zip(kind.types, parts, strict=True)]
+        return context.make_tuple(builder, kind, parts)
+    return value
+
+
+@intrinsic
+def borrowed(_typing: Any, value: Any) -> Any:
+    """Return arrays, or tuples of arrays, without their owner: for compiled code only.
+
+    numba counts references to an array's owner with atomic operations whenever a row is taken or an array handed to
+    another function, which costs as much as the work on a few numbers. An entry that borrows its arguments counts
+    nothing; its caller keeps them alive.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _without_owner(context, builder, signature.args[0], arguments[0])
+
+    return value(value), generate
 
 
 def helper(function: _F) -> _F:

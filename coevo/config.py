@@ -286,8 +286,11 @@ def check(kind: type[_S], data: Mapping[str, Any], source: str) -> _S:
         return msgspec.convert(dict(data), kind)
     except msgspec.ValidationError as error:
         text, _, where = str(error).partition(" - at `$.")
+        text = text.replace("Expected `object`", "expected a table").replace("Expected", "expected")
         path = where.rstrip("`").replace("[", ".").replace("]", "").replace("...", "*")
         came = _look_up(data, path)
+        if text.startswith("Invalid enum value"):
+            text = f"expected one of {', '.join(map(repr, _choices(kind, path)))}"
         got = f", got {came!r}" if path and not isinstance(came, Mapping) and "got" not in text else ""
         raise InputError(f"{source}: {path + ': ' if path else ''}{text.replace('`', '')}{got}") from None
 
@@ -309,6 +312,15 @@ def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
             known = nearest_name(str(key), fields) or f" Known here: {', '.join(fields)}."
             raise InputError(f"{source}: unknown setting {here!r}.{known}")
         _check_keys(fields[key], value, source, here)
+
+
+def _choices(kind: Any, path: str) -> list[Any]:
+    """Return what a setting with a closed list of values may be."""
+    for part in path.split("."):
+        inner = next((a for a in [kind, *_arguments(kind)] if _is_settings(a)), None)
+        if inner is not None and not part.isdigit():
+            kind = {field.encode_name: field.type for field in msgspec.structs.fields(inner)}.get(part)
+    return [choice for choice in _arguments(kind) if isinstance(choice, str)]
 
 
 def _is_settings(kind: Any) -> bool:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.compiled import entry, helper, is_compiled
+from coevo.compiled import borrowed, entry, helper, is_compiled
 from coevo.config import CategorySettings, GameSettings, PlayerSettings, RunSettings
 from coevo.errors import InputError
 from coevo.skill import SkillBank, load_skill, make_bank
@@ -31,7 +31,7 @@ from coevo.soccer.rng import normal
 from coevo.soccer.world import World
 from coevo.tree import SKILLS, Program
 
-__all__ = ["Arena", "Outcome", "Trace", "warm_up"]
+__all__ = ["Arena", "Outcome", "Trace", "load_bank", "warm_up"]
 
 _FIRST_SKILL = 255
 
@@ -56,6 +56,40 @@ class _Programs(NamedTuple):
     codes: NDArray[np.uint8]
     second: NDArray[np.int32]
     start: NDArray[np.int64]
+
+
+class _Desk(NamedTuple):
+    """Room for what a game is doing: state of the world, commands, smallest gaps, and what each robot is at.
+
+    skill, action: (robots,) -1 before the first. held: steps that the action has lasted. at_start: state in which it
+    was chosen.
+    """
+
+    state: NDArray[np.float64]
+    commands: NDArray[np.float64]
+    ball_gap: NDArray[np.float64]
+    robot_gap: NDArray[np.float64]
+    skill: NDArray[np.int64]
+    action: NDArray[np.int64]
+    held: NDArray[np.int64]
+    at_start: NDArray[np.int64]
+    rng: NDArray[np.uint64]
+    standing: NDArray[np.float64]
+
+
+def _make_desk(robots: int) -> _Desk:
+    return _Desk(
+        state=np.zeros((robots + 1, 6)),
+        commands=np.zeros((robots, 2)),
+        ball_gap=np.zeros(robots),
+        robot_gap=np.zeros((robots, robots)),
+        skill=np.zeros(robots, np.int64),
+        action=np.zeros(robots, np.int64),
+        held=np.zeros(robots, np.int64),
+        at_start=np.zeros(robots, np.int64),
+        rng=np.zeros(1, np.uint64),
+        standing=np.zeros(2),
+    )
 
 
 @dataclass(frozen=True)
@@ -133,6 +167,7 @@ def _play(
     memory: Memory,
     retina: Retina,
     events: Events,
+    desk: _Desk,
     programs: _Programs,
     seeds: NDArray[np.uint64],
     steps: NDArray[np.int64],
@@ -151,15 +186,14 @@ def _play(
     ``trace_states`` (time limit + 1, bodies, 6), ``trace_skills`` and ``trace_actions`` (time limit, robots) are
     filled when they are not empty.
     """
+    handles, rules, start_regions, bank = borrowed(handles), borrowed(rules), borrowed(start_regions), borrowed(bank)
+    memory, retina, events, programs = borrowed(memory), borrowed(retina), borrowed(events), borrowed(programs)
+    skill_steps, leaf_steps, desk = borrowed(skill_steps), borrowed(leaf_steps), borrowed(desk)
     robots = rules.teams.shape[0]
     objects = ROBOTS + robots - 1
-    state = np.zeros((robots + 1, 6))
-    commands = np.zeros((robots, 2))
-    ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
-    skill, action, held = np.empty(robots, np.int64), np.empty(robots, np.int64), np.empty(robots, np.int64)
-    at_start = np.empty(robots, np.int64)
-    rng = np.zeros(1, np.uint64)
-    standing = np.zeros(2)
+    state, commands, ball_gap, robot_gap = desk.state, desk.commands, desk.ball_gap, desk.robot_gap
+    skill, action, held, at_start = desk.skill, desk.action, desk.held, desk.at_start
+    rng, standing = desk.rng, desk.standing
     middle = 0.5 * camera.columns
     tracing = trace_states.shape[0] > 0
     for game in range(seeds.shape[0]):
@@ -169,6 +203,7 @@ def _play(
         reset(handles, state)
         forget(memory)
         clear_events(events)
+        commands[:] = 0.0
         skill[:], action[:], held[:] = -1, -1, 0
         winner = -1
         t = 0
@@ -204,7 +239,7 @@ def _play(
                         skill[r], at_start[r], held[r] = chosen, now, 0
                         action[r] = bank.policy[bank.first[chosen] + now]
                 held[r] += 1
-                commands[r] = rules.commands[action[r]]
+                commands[r, 0], commands[r, 1] = rules.commands[action[r], 0], rules.commands[action[r], 1]
                 if physics.actuator_noise > 0.0:
                     commands[r, 0] *= 1.0 + physics.actuator_noise * normal(rng)
                     commands[r, 1] *= 1.0 + physics.actuator_noise * normal(rng)
@@ -240,9 +275,7 @@ class Arena:
         world, players = settings.world, settings.players
         robots = len(players)
         actions = action_set(world.robot)
-        names = (settings.skills.shoot, settings.skills.pass_, settings.skills.avoid, settings.skills.search)
-        self.skills = tuple(load_skill(name) for name in names)
-        self.bank = make_bank(self.skills, drive=world.robot.drive, actions=len(actions.codes))
+        self.bank = load_bank(settings)
         self.world = World(world, robots)
         self._physics = physics_params(world)
         self._camera = camera_params(world)
@@ -252,6 +285,7 @@ class Arena:
         self._memory = make_memory(self.bank, _mates(players))
         self._retina = make_retina(world, robots)
         self._events = make_events(robots)
+        self._desk = _make_desk(robots)
 
     def play(self, programs: Sequence[Program | None], seeds: NDArray[np.uint64]) -> Outcome:
         """Play one game a seed.
@@ -313,6 +347,7 @@ class Arena:
             self._memory,
             self._retina,
             self._events,
+            self._desk,
             joined,
             seeds,
             outcome.steps,
@@ -333,6 +368,17 @@ class Arena:
             )
         leaves = tuple(leaf_steps[start[i] : start[i + 1]] for i in range(robots))
         return Outcome(**{**outcome.__dict__, "leaf_steps": leaves})
+
+
+def load_bank(settings: RunSettings) -> SkillBank:
+    """Return the skills of the settings, side by side in the order of coevo.tree.SKILLS.
+
+    Raises:
+        InputError: a skill is missing, damaged, or learned for another drive.
+    """
+    skills, robot = settings.skills, settings.world.robot
+    loaded = [load_skill(name) for name in (skills.shoot, skills.pass_, skills.avoid, skills.search)]
+    return make_bank(loaded, drive=robot.drive, actions=len(action_set(robot).codes))
 
 
 def warm_up(settings: RunSettings, tell: Callable[[str], None]) -> None:

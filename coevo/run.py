@@ -358,8 +358,12 @@ def create_run(path: Path, settings: RunSettings) -> Run:
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise InputError(f"{path} exists and is not an empty folder; choose another --out")
     about = environment(settings)
-    with _writing(path):
+    try:
         path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot make the run folder {path}: {error.strerror or error}; choose another --out"
+        ) from None
     _write_whole(path / "environment.json", (json.dumps(about, indent=2) + "\n").encode())
     _write_whole(path / "config.toml", to_toml(settings).encode())
     return Run(path, settings)

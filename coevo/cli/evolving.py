@@ -92,8 +92,12 @@ def evolve(
     if generations is not None:
         data = override(data, [f"gp.generations={generations}"])
     settings = check(RunSettings, data, recipe if recipe.endswith(".toml") else f"the preset {recipe}")
+    from coevo.evolution.evaluation import check_backend
+    from coevo.game import load_bank
     from coevo.run import create_run
 
+    check_backend(backend)
+    load_bank(settings)  # a wrong skill is better found before there is a folder
     run = create_run(out if out is not None else _default_folder(settings), settings)
     note(f"Run folder: {run.path}", quiet=quiet)
     _go_on(run, workers, backend, as_json=as_json, quiet=quiet)

@@ -1,0 +1,123 @@
+"""What tests share: profiles and strategies of hypothesis, settings of small experiments, runs of them."""
+
+from __future__ import annotations
+
+import itertools
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+
+from coevo.config import RunSettings, check, override
+from coevo.evolution import evolve
+from coevo.evolution.evaluation import Evaluator
+from coevo.run import create_run, open_run
+from coevo.tree import CATEGORIES, SKILLS, Tree
+
+settings.register_profile("unhurried", deadline=None)  # the first call of a kernel may have to compile it
+settings.load_profile("unhurried")
+
+# What r0 of three robots can ask about.
+OBJECTS = ("ball", "own_goal", "opponent_goal", "r1", "r2")
+PRESETS = Path(str(files("coevo"))) / "presets"
+# Small enough for a run in about a second, and yet robots meet the ball, and trees grow.
+SMALL = (
+    "gp.population=6",
+    "gp.generations=3",
+    "gp.tournament=2",
+    "gp.creation_depth_max=4",
+    "evaluation.games=2",
+    "game.time_limit_steps=90",
+)
+
+
+def _trees():
+    conditions = st.builds(
+        "IF_{}_is_{}".format,
+        st.sampled_from(OBJECTS),
+        st.sampled_from(CATEGORIES),
+    )
+    leaves = st.sampled_from(SKILLS).map(lambda skill: (skill,))
+    names = st.recursive(
+        leaves,
+        lambda branches: st.builds(lambda name, yes, no: (name, *yes, *no), conditions, branches, branches),
+        max_leaves=40,
+    )
+    return names.map(Tree)
+
+
+# Trees of r0 of three robots, as st.from_type(Tree); conftest cannot be imported by tests.
+st.register_type_strategy(Tree, _trees())
+
+
+@pytest.fixture(scope="session")
+def nested():
+    """Return a function from a tree to nested tuples: ``"shoot"`` or ``(condition, yes, no)``."""
+
+    def build(names):
+        name = next(names)
+        return (name, build(names), build(names)) if name.startswith("IF_") else name
+
+    return lambda tree: build(iter(tree.names))
+
+
+@pytest.fixture(scope="session")
+def situations():
+    """Return a function that yields all that can be seen of some objects, as the set of true "a is b"."""
+    sights = [{"lost"}, *({where, size} for where in CATEGORIES[:3] for size in CATEGORIES[3:6])]
+
+    def combine(objects):
+        objects = sorted(objects)
+        for combination in itertools.product(sights, repeat=len(objects)):
+            pairs = zip(objects, combination, strict=True)
+            yield {f"IF_{thing}_is_{category}" for thing, sight in pairs for category in sight}
+
+    return combine
+
+
+@pytest.fixture(scope="session")
+def recipe():
+    """Return a function that reads a preset as plain data."""
+    return lambda name: tomllib.loads((PRESETS / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="session")
+def small_settings(recipe):
+    """Return a function that makes the settings of a small experiment: a preset and ``key=value`` assignments."""
+
+    def make(*assignments, preset="smoke"):
+        return check(RunSettings, override(recipe(preset), [*SMALL, *assignments]), preset)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def go_on():
+    """Return a function that brings a run to its end in this process."""
+
+    def bring(run, *, workers=1, backend="threads", report=lambda _: None):
+        with Evaluator(run.config, workers=workers, backend=backend) as evaluator:
+            evolve(run, evaluator, report)
+        return open_run(run.path)
+
+    return bring
+
+
+@pytest.fixture(scope="session")
+def small_run(small_settings, go_on, tmp_path_factory):
+    """Return a finished run of the small experiment: only to be read."""
+    return go_on(create_run(tmp_path_factory.mktemp("small") / "run", small_settings()))
+
+
+@pytest.fixture(scope="session")
+def results_of():
+    """Return a function that gives the bytes of a run's generations.csv and of its parts of individuals."""
+
+    def read(folder):
+        parts = sorted((Path(folder) / "individuals.parquet").iterdir())
+        return {path.name: path.read_bytes() for path in [Path(folder) / "generations.csv", *parts]}
+
+    return read

@@ -21,7 +21,8 @@ from typing import Any, TypeVar, cast
 import llvmlite.binding
 import numba
 import platformdirs
-from numba.core import cgutils, types
+from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 

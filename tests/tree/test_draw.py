@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from coevo.tree import Tree, parse
@@ -80,7 +80,9 @@ def test_svg_is_xml_with_every_node_and_every_branch_inside_the_picture(tree):
         assert y + down <= height + 1.0
 
 
+@pytest.mark.xfail(strict=True, reason="only leaves are given the width of their label")
 @given(tree=trees)
+@example(tree=parse("IF_ball_is_left(shoot, IF_opponent_goal_is_left(shoot, shoot))"))
 def test_boxes_of_one_row_of_an_svg_do_not_overlap(tree):
     root = ET.fromstring(as_svg(tree))  # noqa: S314 - made here
     rows: dict[str, list[tuple[float, float]]] = {}

@@ -1,0 +1,93 @@
+"""How much a setting's placement leaves to evolve: hand-typed teams and random trees, measured.
+
+    python -m analysis.placement two-learners
+    python -m analysis.placement three-learners --set game.time_limit_steps=800
+
+A placement is fit for co-evolution if random trees are far from the best hand-typed team, so that there is room, and
+if r0 passing and r1 shooting beats either robot alone and both shooting, so that it is worth it.
+"""
+
+from __future__ import annotations
+
+import click
+import numpy as np
+
+from analysis._games import mean_interval, play, programs_of, unseen_seeds
+from coevo.cli.evolving import read_recipe
+from coevo.config import RunSettings, check, override
+from coevo.console import table
+from coevo.evolution.population import codes_of, first_population
+from coevo.game import Arena
+from coevo.tree import from_codes, function_set, parse
+
+__all__ = ["main"]
+
+_SHOOT = "IF_ball_is_lost(search, shoot)"
+_PASS = "IF_ball_is_lost(search, IF_r1_is_lost(shoot, pass))"
+_PASS_ALWAYS = "IF_ball_is_lost(search, pass)"
+_WAIT = "IF_ball_is_large(shoot, IF_ball_is_medium(shoot, search))"
+_TEAMS = {
+    "both shoot": (_SHOOT, _SHOOT),
+    "r0 shoots, r1 searches": (_SHOOT, "search"),
+    "r1 shoots, r0 searches": ("search", _SHOOT),
+    "r0 passes, r1 shoots": (_PASS, _SHOOT),
+    "r0 always passes, r1 shoots": (_PASS_ALWAYS, _SHOOT),
+    "r0 passes, r1 waits for the ball": (_PASS, _WAIT),
+    "both search": ("search", "search"),
+}
+
+
+@click.command()
+@click.argument("recipe")
+@click.option("--games", default=400, show_default=True)
+@click.option("--random-teams", default=60, show_default=True)
+@click.option("--seed", default=1, show_default=True)
+@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE")
+def main(*, recipe: str, games: int, random_teams: int, seed: int, assignments: tuple[str, ...]) -> None:
+    """Measure hand-typed teams and random trees of RECIPE; r2 shoots where it evolves, stands where it does not."""
+    settings = check(RunSettings, override(read_recipe(recipe), assignments), recipe)
+    arena, robots = Arena(settings), len(settings.players)
+    rows = []
+    opponents = [None, parse("search"), parse(_SHOOT)] if robots > 2 and settings.players[2].control == "evolve" else [None]
+    for name, team in _TEAMS.items():
+        for opponent in opponents if robots > 2 else [None]:
+            if robots > 2 and opponent is None and settings.players[2].control == "evolve":
+                continue
+            trees = [parse(team[0]), parse(team[1]), *([opponent] if robots > 2 else [])]
+            outcome = play(arena, trees, games=games, seed=seed)
+            goals, lost = outcome.scorer == 0, outcome.scorer == 1
+            low, high = mean_interval(goals.astype(float))[1:]
+            rows.append(
+                [
+                    name + ("" if opponent is None else f" / r2: {opponent}"),
+                    f"{20 * goals.mean():.1f} [{20 * low:.1f}, {20 * high:.1f}]",
+                    f"{20 * lost.mean():.1f}",
+                    f"{outcome.steps.mean():.0f}",
+                    f"{20 * outcome.passes[:, 0].mean():.1f}",
+                    " ".join(f"{20 * k:.0f}" for k in outcome.kicks.mean(axis=0)),
+                    f"{20 * outcome.collisions.mean(axis=0).max():.0f}",
+                ]
+            )
+    functions = [function_set(robot, robots) for robot in range(robots)]
+    populations = [first_population(settings.gp, functions[r], seed=seed, robot=r) for r in range(robots)]
+    goals_20 = []
+    for i in range(min(random_teams, settings.gp.population)):
+        trees = [
+            from_codes(codes_of(populations[r][i], functions[r]), functions[r])
+            if settings.players[r].control == "evolve"
+            else None
+            for r in range(robots)
+        ]
+        outcome = arena.play(programs_of(trees), unseen_seeds(seed, 20))
+        goals_20.append(outcome.goals_of(0))
+    found = np.array(goals_20)
+    click.echo(f"{recipe}: goals of r0 and r1 in 20 games (95 % interval), {games} games a row")
+    click.echo(table(["team", "goals", "lost", "steps", "passes r0", "kicks", "collisions"], rows))
+    click.echo(
+        f"random trees ({len(found)} teams, 20 games each): mean {found.mean():.1f}, standard deviation {found.std():.1f},"
+        f" best {found.max()}, none in {np.mean(found == 0):.0%}"
+    )
+
+
+if __name__ == "__main__":
+    main()

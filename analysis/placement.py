@@ -48,7 +48,9 @@ def main(*, recipe: str, games: int, random_teams: int, seed: int, assignments: 
     settings = check(RunSettings, override(read_recipe(recipe), assignments), recipe)
     arena, robots = Arena(settings), len(settings.players)
     rows = []
-    opponents = [None, parse("search"), parse(_SHOOT)] if robots > 2 and settings.players[2].control == "evolve" else [None]
+    opponents = (
+        [None, parse("search"), parse(_SHOOT)] if robots > 2 and settings.players[2].control == "evolve" else [None]
+    )
     for name, team in _TEAMS.items():
         for opponent in opponents if robots > 2 else [None]:
             if robots > 2 and opponent is None and settings.players[2].control == "evolve":

@@ -109,11 +109,18 @@ class CameraSettings(_Settings, frozen=True, kw_only=True):
 
     width_px: Annotated[int, Meta(ge=8, le=640)] = 64  # [T]
     height_px: Annotated[int, Meta(ge=8, le=64)] = 60  # [T] a column of the image fits one 64-bit word
-    horizontal_view_deg: Annotated[float, Meta(gt=5.0, lt=170.0)] = 67.0  # [T]
-    vertical_view_deg: Annotated[float, Meta(gt=5.0, lt=170.0)] = 60.0  # [T] the pixels are not square
+    horizontal_view_deg: Annotated[float, Meta(gt=5.0, lt=140.0)] = 67.0  # [T]
+    vertical_view_deg: Annotated[float, Meta(gt=5.0, lt=140.0)] = 60.0  # [T] the pixels are not square
     tilt_deg: Annotated[float, Meta(gt=-80.0, lt=30.0)] = -26.0  # [T]
     height_m: Positive = 0.4  # [C]
     noise_px: Annotated[float, Meta(ge=0.0, le=20.0)] = 0.0  # standard deviation of each measured coordinate
+
+    def __post_init__(self) -> None:
+        if abs(self.tilt_deg) + 0.5 * self.vertical_view_deg >= 85.0:
+            raise ValueError(
+                "tilt_deg and half of vertical_view_deg must together stay below 85, so that the camera looks forward;"
+                f" got {self.tilt_deg:g} and {self.vertical_view_deg:g}"
+            )
 
 
 class PhysicsSettings(_Settings, frozen=True, kw_only=True):

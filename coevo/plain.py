@@ -256,6 +256,7 @@ class _Referee:
         robots = len(teams)
         self.kicks, self.collisions, self.passes = (np.zeros(robots, np.int64) for _ in range(3))
         self._touching: set[tuple[int, int]] = set()
+        self._had_ball: set[int] = set()
         self._last, self._at = -1, 0
 
     def step(self, world: World, commands: Any, time: int) -> int:
@@ -267,13 +268,16 @@ class _Referee:
         robots = len(self._teams)
         contact = settings.world.physics.contact_gap_m
         window = round(settings.game.pass_window_s / settings.world.physics.step_s)
-        for robot in range(robots):
-            if gap[robot, robots] <= contact:
-                self.kicks[robot] += 1
-                mate = self._last >= 0 and self._last != robot and self._teams[self._last] == self._teams[robot]
-                if mate and time - self._at <= window:
-                    self.passes[self._last] += 1
-                self._last, self._at = robot, time
+        at_ball = {robot for robot in range(robots) if gap[robot, robots] <= contact}
+        for robot in sorted(at_ball):
+            self.kicks[robot] += 1
+            last = self._last
+            mate = last >= 0 and last != robot and self._teams[last] == self._teams[robot]
+            comes = robot not in self._had_ball and last not in at_ball
+            if mate and comes and time - self._at <= window:
+                self.passes[last] += 1
+            self._last, self._at = robot, time
+        self._had_ball = at_ball
         for one, two in ((i, j) for i in range(robots) for j in range(i)):
             if gap[two, one] <= contact:
                 if (one, two) not in self._touching:

@@ -115,18 +115,26 @@ def test_presets_have_the_players_of_section_6_4(preset, players, recipe):
         pytest.param("gp=80", "gp: expected a table, got int", id="a number for a table"),
         pytest.param("name=7", "name: expected str, got int", id="a number for text"),
         pytest.param("seed=-1", "seed: expected int >= 0, got -1", id="negative"),
-        pytest.param("seed=9223372036854775808", "seed: expected int <= 9223372036854775807, got 9223372036854775808", id="2^63"),
+        pytest.param(
+            "seed=9223372036854775808", "seed: expected int <= 9223372036854775807, got 9223372036854775808", id="2^63"
+        ),
         pytest.param("gp.mutation=1.5", "gp.mutation: expected float <= 1.0, got 1.5", id="a share above 1"),
         pytest.param("gp.mutation=nan", "gp.mutation: expected a finite number, got nan", id="not a number"),
         pytest.param("world.ball.mass_kg=inf", "world.ball.mass_kg: expected a finite number, got inf", id="infinite"),
         pytest.param("world.ball.mass_kg=0", "world.ball.mass_kg: expected float > 0.0, got 0", id="no mass"),
-        pytest.param("world.robot.drive='car'", "world.robot.drive: expected one of 'pws', '4ws', got 'car'", id="unknown choice"),
-        pytest.param("fitness.kind=vary", "fitness.kind: expected one of 'fixed', 'varying', got 'vary'", id="unquoted choice"),
+        pytest.param(
+            "world.robot.drive='car'", "world.robot.drive: expected one of 'pws', '4ws', got 'car'", id="unknown choice"
+        ),
+        pytest.param(
+            "fitness.kind=vary", "fitness.kind: expected one of 'fixed', 'varying', got 'vary'", id="unquoted choice"
+        ),
         pytest.param("gp.mutation=0.2", "crossover + reproduction + mutation must be 1, got 1.1", id="shares"),
         pytest.param("gp.elite=12", "elite must be smaller than population 12, got 12", id="all survive"),
         pytest.param("gp.creation_depth_min=7", "creation_depth_min must be at most creation_depth_max", id="depths"),
         pytest.param("players=[]", "players: expected array of length >= 1, got []", id="nobody plays"),
-        pytest.param("game.ball_start.x_m=[2.0]", "game.ball_start.x_m: expected array of length 2, got 1", id="one limit"),
+        pytest.param(
+            "game.ball_start.x_m=[2.0]", "game.ball_start.x_m: expected array of length 2, got 1", id="one limit"
+        ),
         pytest.param("game.ball_start.x_m=[5.0, 4.0]", "x_m must be [low, high] with low <= high, got [5", id="order"),
         pytest.param(
             "game.ball_start.x_m=[0.05, 4.0]",
@@ -257,7 +265,7 @@ def test_set_refuses_what_it_cannot_place(assignment, message, recipe):
     [
         pytest.param(b"[gp\npopulation = 3", r"is not valid TOML: .*line 1", id="broken"),
         pytest.param(b"seed = 1\nseed = 2", "is not valid TOML: Cannot overwrite a value", id="twice"),
-        pytest.param(b"name = \"\xff\xfe\"", r"cannot read .*: it is not UTF-8 text", id="not text"),
+        pytest.param(b'name = "\xff\xfe"', r"cannot read .*: it is not UTF-8 text", id="not text"),
         pytest.param(b"\x00\x01", r"is not valid TOML: .*line 1", id="binary"),
     ],
 )

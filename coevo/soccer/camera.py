@@ -51,6 +51,7 @@ __all__ = [
 BALL, OWN_GOAL, OPPONENT_GOAL, ROBOTS = 0, 1, 2, 3  # order of objects; the other robots follow in their order
 BALL_FEATURES, GOAL_FEATURES, ROBOT_FEATURES, FEATURES = 4, 11, 5, 11
 _NEAR = 1e-6
+_LEVEL = 1e-4  # metres: a rim nearer than this to the height of the camera is moved by as much
 
 
 class CameraParams(NamedTuple):
@@ -279,6 +280,8 @@ def _ball_masks(
 def _make_rim(camera: CameraParams, forward: float, right: float, drop: float, square: float) -> _Rim:
     """Return the image of a horizontal circle as quadratics; ``drop``: how far below the camera it lies."""
     sine, cosine = camera.sin_tilt, camera.cos_tilt
+    if abs(drop) < _LEVEL:
+        drop = _LEVEL  # seen from its own height a rim is a line, which no quadratic describes
     a0, a1 = cosine * drop - forward * sine, -sine * drop - forward * cosine
     b1 = -right * cosine
     leading = a1 * a1 + b1 * b1 - square * cosine * cosine
@@ -287,7 +290,7 @@ def _make_rim(camera: CameraParams, forward: float, right: float, drop: float, s
     # The discriminant in b is itself a quadratic in b0 = drop * a - shift; its roots bound the columns.
     q2, q1, q0 = b1 * b1 - leading, k1 * b1, k1 * k1 - leading * k2
     under = q1 * q1 - q2 * q0
-    if under >= 0.0 and abs(q2) > _NEAR and abs(drop) > _NEAR:
+    if under >= 0.0 and abs(q2) > _NEAR:
         root, scale = math.sqrt(under), 1.0 / (q2 * drop)
         one, two = (right * sine * q2 - q1 - root) * scale, (right * sine * q2 - q1 + root) * scale
         low, high = min(one, two), max(one, two)
@@ -310,51 +313,74 @@ def _robot_masks(
         return 0, 0
     floor = _make_rim(camera, forward, right, camera.height, square)
     top = _make_rim(camera, forward, right, camera.height - camera.robot_height, square)
-    if floor.leading <= _NEAR or top.leading <= _NEAR:
-        return 0, 0
-    first, last = _column_range(camera, min(floor.low, top.low), max(floor.high, top.high))
+    low, high = min(floor.low, top.low), max(floor.high, top.high)
+    if forward * cosine + min(floor.drop * sine, top.drop * sine) <= radius * cosine:
+        low, high = -9.0, 9.0  # a rim reaches behind the camera: any column may show it
+    first, last = _column_range(camera, low, high)
     if first >= last:
         return 0, 0
-    # Directions (forward, right) of the vertical planes that touch the cylinder left and right. Each plane is a line
-    # of the image: constant + slope a + inclination b >= 0 on the robot's side.
+    # The outline is the hull of the two rims: their arcs, and the two upright lines that touch both.
+    lows, highs = scratch[0, : last - first], scratch[1, : last - first]
+    lows[:] = 9.0
+    highs[:] = -9.0
+    start = first - 0.5 * camera.columns + 0.5
+    _add_rim(camera, floor, start, lows, highs)
+    _add_rim(camera, top, start, lows, highs)
     tangent = math.sqrt(distance2 - square)
-    left_f, left_r = (
-        (forward * tangent + right * radius) / distance2,
-        (right * tangent - forward * radius) / distance2,
-    )
-    right_f, right_r = (
-        (forward * tangent - right * radius) / distance2,
-        (right * tangent + forward * radius) / distance2,
-    )
-    left = _bounds(-left_r * cosine, left_f, left_r * sine)
-    other = _bounds(right_r * cosine, -right_f, -right_r * sine)
-    floor_scale, top_scale = 1.0 / floor.leading, 1.0 / top.leading
-    per_column, start = 1.0 / camera.fx, first - 0.5 * camera.columns + 0.5
-    columns = last - first
-    lows, highs, missed = scratch[0, :columns], scratch[1, :columns], scratch[2, :columns]
-    for k in range(columns):
-        a = (start + k) * per_column
-        low = max(left[0] + left[1] * a, other[0] + other[1] * a)
-        high = min(left[2] + left[3] * a, other[2] + other[3] * a)
-        b0 = a * floor.drop - floor.shift
-        linear = floor.k1 + b0 * floor.b1
-        under_floor = linear * linear - floor.leading * (floor.k2 + b0 * b0)
-        near = (math.sqrt(max(under_floor, 0.0)) - linear) * floor_scale
-        highs[k] = min(high, near) if under_floor >= 0.0 else high
-        b0 = a * top.drop - top.shift
-        linear = top.k1 + b0 * top.b1
-        under_top = linear * linear - top.leading * (top.k2 + b0 * b0)
-        far = (-math.sqrt(max(under_top, 0.0)) - linear) * top_scale
-        lows[k] = max(low, far) if under_top >= 0.0 else low
-        missed[k] = min(under_floor, under_top)
-    for k in range(columns):
-        # A column that misses a rim: its rays pass the cylinder on one side of it, all or none.
-        if missed[k] < 0.0 and lows[k] <= highs[k]:
-            low, high = max(lows[k], -4.0), min(highs[k], 4.0)
-            if not _hits_cylinder(camera, forward, right, (start + k) * per_column, 0.5 * (low + high)):
-                highs[k] = lows[k] - 1.0
+    ahead, aside = tangent * tangent / distance2, tangent * radius / distance2
+    for sign in (-1.0, 1.0):
+        f, r = ahead * forward - sign * aside * right, ahead * right + sign * aside * forward
+        _add_side(camera, f, r, floor.drop, top.drop, start, lows, highs)
     _fill_rows(camera, lows, highs, masks[first:last])
     return first, last
+
+
+@helper
+def _add_rim(
+    camera: CameraParams, rim: _Rim, start: float, lows: NDArray[np.float64], highs: NDArray[np.float64]
+) -> None:
+    """Widen the interval of each column by what a rim covers of it."""
+    scale, per_column, sine, cosine = 1.0 / rim.leading, 1.0 / camera.fx, camera.sin_tilt, camera.cos_tilt
+    for k in range(lows.shape[0]):
+        b0 = (start + k) * per_column * rim.drop - rim.shift
+        linear = rim.k1 + b0 * rim.b1
+        under = linear * linear - rim.leading * (rim.k2 + b0 * b0)
+        root = math.sqrt(max(under, 0.0))
+        low, high = (-root - linear) * scale, (root - linear) * scale
+        if rim.leading < 0.0:  # the rim reaches behind the camera, and its image to infinity
+            low, high = (low, 9.0) if rim.drop > 0.0 else (-9.0, high)
+        # The other half of the double cone of rays through the rim lies behind the camera.
+        seen = under >= 0.0 and rim.drop * (sine + (low if rim.drop > 0.0 else high) * cosine) > 0.0
+        lows[k] = min(lows[k], low if seen else 9.0)
+        highs[k] = max(highs[k], high if seen else -9.0)
+
+
+@helper
+def _add_side(
+    camera: CameraParams,
+    forward: float,
+    right: float,
+    floor_drop: float,
+    top_drop: float,
+    start: float,
+    lows: NDArray[np.float64],
+    highs: NDArray[np.float64],
+) -> None:
+    """Widen the interval of each column by the upright line at (forward, right)."""
+    lean = right * camera.sin_tilt
+    depth_floor = forward * camera.cos_tilt + floor_drop * camera.sin_tilt
+    depth_top = forward * camera.cos_tilt + top_drop * camera.sin_tilt
+    if max(depth_floor, depth_top) <= _NEAR or abs(lean) < _NEAR:
+        return
+    from_a, to_a = right / max(depth_floor, depth_top), right / max(min(depth_floor, depth_top), _NEAR)
+    from_a, to_a = min(from_a, to_a), max(from_a, to_a)
+    per_column, first, second = 1.0 / camera.fx, right * camera.cos_tilt / lean, -forward / lean
+    for k in range(lows.shape[0]):
+        a = (start + k) * per_column
+        b = first + second * a
+        seen = from_a <= a <= to_a
+        lows[k] = min(lows[k], b if seen else 9.0)
+        highs[k] = max(highs[k], b if seen else -9.0)
 
 
 @helper
@@ -370,21 +396,6 @@ def _bounds(constant: float, slope: float, inclination: float) -> tuple[float, f
     if inclination > 0.0:
         return at, lean, 9.0, 0.0
     return -9.0, 0.0, at, lean
-
-
-@helper
-def _hits_cylinder(camera: CameraParams, forward: float, right: float, a: float, b: float) -> bool:
-    """Tell whether the ray (a, b) meets the cylinder between floor and top."""
-    ray_f, ray_d = camera.cos_tilt - b * camera.sin_tilt, camera.sin_tilt + b * camera.cos_tilt
-    square = ray_f * ray_f + a * a
-    along = ray_f * forward + a * right
-    under = along * along - square * (forward * forward + right * right - camera.robot_radius * camera.robot_radius)
-    if under < 0.0 or along <= 0.0:
-        return False
-    root = math.sqrt(under)
-    near = camera.height - ray_d * (along - root) / square
-    far = camera.height - ray_d * (along + root) / square
-    return min(near, far) <= camera.robot_height and max(near, far) >= 0.0 and near >= 0.0
 
 
 @helper
@@ -477,6 +488,9 @@ def look(
     for o in range(areas.shape[0]):
         areas[o] = -1.0
     edge = 0.5 * camera.columns / camera.fx
+    # How much deeper than on the level of the camera a point can be: on the floor, or upwards on the top of things.
+    tallest = max(camera.robot_height, camera.goal_height, 2.0 * camera.ball_radius)
+    deepest = max(camera.height * camera.sin_tilt, (camera.height - tallest) * camera.sin_tilt)
     # Balls and robots, nearest first. Discs that do not overlap hide each other in the order of d^2 - r^2.
     for _ in range(ball):
         nearest, power = -1, math.inf
@@ -495,9 +509,9 @@ def look(
         dx, dy = state[nearest, 0] - x, state[nearest, 1] - y
         forward, right = dx * cosine + dy * sine, dx * sine - dy * cosine
         areas[thing] = 0.0
-        # The widest column of the image lies at |right| = edge * depth, and no point is deeper than one on the floor.
+        # The widest column of the image lies at |right| = edge * depth.
         size = camera.ball_radius if nearest == ball else camera.robot_radius
-        reach = edge * ((forward + size) * camera.cos_tilt + camera.height * camera.sin_tilt)
+        reach = edge * ((forward + size) * camera.cos_tilt + deepest)
         if forward <= -size or right - size > reach or right + size < -reach:
             continue
         if nearest == ball:
@@ -526,8 +540,8 @@ def look(
         dx, left, right = line - x, left_y - y, right_y - y
         left_f, left_r = dx * cosine + left * sine, dx * sine - left * cosine
         right_f, right_r = dx * cosine + right * sine, dx * sine - right * cosine
-        left_reach = edge * (left_f * camera.cos_tilt + camera.height * camera.sin_tilt)
-        right_reach = edge * (right_f * camera.cos_tilt + camera.height * camera.sin_tilt)
+        left_reach = edge * (left_f * camera.cos_tilt + deepest)
+        right_reach = edge * (right_f * camera.cos_tilt + deepest)
         if (left_r > left_reach and right_r > right_reach) or (left_r < -left_reach and right_r < -right_reach):
             continue  # both posts lie beyond the same edge of the image
         first, last = _goal_masks(camera, left_f, left_r, right_f, right_r, scratch, masks[thing])

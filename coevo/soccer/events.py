@@ -35,7 +35,8 @@ class Events(NamedTuple):
     """What has happened in a game so far.
 
     kicks, collisions, passes: (robots,) int64 counts.
-    touching: (robots, robots) bool, pairs of robots that have collided and not parted since.
+    touching: (robots, robots) bool, pairs of robots that have collided and not parted since; on the diagonal, whether
+        the robot touched the ball in the last step.
     last_touch: (1,) int64, who touched the ball last, -1 for nobody; touched_at: (1,) int64, when.
     """
 
@@ -90,23 +91,21 @@ def record_contacts(
 ) -> None:
     """Count what the smallest gaps of one step (see ``advance``) mean.
 
-    A kick is a step of contact with the ball. A pass is credited to A when a team mate B touches the ball within
-    the window after A, the last toucher, let it go. A collision is counted once, for both, until they part.
+    A kick is a step of contact with the ball. A pass is credited to A, the last toucher, when a team mate B comes to
+    touch the ball within the window after A let it go. A collision is counted once, for both, until they part.
     """
     robots = teams.shape[0]
     for r in range(robots):
-        if ball_gap[r] <= params.contact_gap:
+        touches = ball_gap[r] <= params.contact_gap
+        if touches:
             events.kicks[r] += 1
-            last = events.last_touch[0]
-            if (
-                last >= 0
-                and last != r
-                and teams[last] == teams[r]
-                and time - events.touched_at[0] <= params.pass_window
-            ):
+            last, ago = events.last_touch[0], time - events.touched_at[0]
+            received = last >= 0 and last != r and teams[last] == teams[r] and not events.touching[r, r]
+            if received and ball_gap[last] > params.contact_gap and ago <= params.pass_window:
                 events.passes[last] += 1
             events.last_touch[0] = r
             events.touched_at[0] = time
+        events.touching[r, r] = touches
         for other in range(r):
             gap = robot_gap[r, other]
             if gap <= params.contact_gap:

@@ -26,15 +26,15 @@ from coevo.soccer.camera import (
 WORLD = WorldSettings()
 LENGTH, WIDTH = WORLD.field.length_m, WORLD.field.width_m
 RADII = WORLD.robot.radius_m, WORLD.ball.radius_m
-# Per camera: how many of 100 objects must have the same pixels as in the ray cast.
 CAMERAS = {
-    "standard": (WORLD.camera, 99.0),
-    "low": (CameraSettings(height_m=0.35, tilt_deg=-10.0, width_px=40, height_px=30), 99.0),
-    "above the robots": (CameraSettings(height_m=0.8, tilt_deg=-35.0), 97.0),
-    "all 64 rows": (CameraSettings(height_px=64, vertical_view_deg=70.0, tilt_deg=-20.0), 99.0),
-    "wide": (CameraSettings(width_px=100, horizontal_view_deg=110.0), 99.0),
+    "standard": WORLD.camera,
+    "low": CameraSettings(height_m=0.35, tilt_deg=-10.0, width_px=40, height_px=30),
+    "above the robots": CameraSettings(height_m=0.8, tilt_deg=-35.0),
+    "level with their top": CameraSettings(height_m=0.5),
+    "all 64 rows": CameraSettings(height_px=64, vertical_view_deg=70.0, tilt_deg=-20.0),
+    "wide": CameraSettings(width_px=100, horizontal_view_deg=110.0),
+    "upwards": CameraSettings(tilt_deg=10.0),
 }
-
 unhurried = settings(deadline=None)  # the first call of all may have to compile
 
 
@@ -175,8 +175,7 @@ def test_focal_lengths_are_those_of_the_dissertation():
 
 @pytest.mark.parametrize("name", CAMERAS)
 def test_every_feature_is_that_of_a_ray_cast(name):
-    camera, least = CAMERAS[name]
-    world, rng = with_camera(camera), np.random.default_rng(1)
+    world, rng = with_camera(CAMERAS[name]), np.random.default_rng(1)
     same, differences = [], []
     for trial in range(1000 if name == "standard" else 250):
         robots = 1 + trial % 6
@@ -184,8 +183,8 @@ def test_every_feature_is_that_of_a_ray_cast(name):
         same += found[0]
         differences += found[1]
     assert len(same) > (1000 if name == "standard" else 250)  # enough was in view
-    assert 100.0 * np.mean(same) >= least
-    assert max(differences) <= 3.0  # and the rest is a matter of single pixels
+    assert np.mean(same) >= 0.999  # measured: all, but the last bit of a sum may decide about a pixel
+    assert max(differences) <= 1.0
 
 
 def test_robots_that_touch_are_those_of_a_ray_cast():
@@ -196,7 +195,7 @@ def test_robots_that_touch_are_those_of_a_ray_cast():
         beside = 4.0 + distance * math.cos(bearing), 2.0 + distance * math.sin(bearing)
         differences += same_pixels(WORLD, state_of((4.0, 2.0, math.degrees(heading)), beside, (7.5, 4.2)), 0, 0)[1]
     assert len(differences) > 250
-    assert max(differences) <= 3.0
+    assert max(differences) <= 1.0
 
 
 def test_a_ball_ahead_is_where_a_pinhole_puts_it():

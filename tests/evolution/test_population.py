@@ -1,0 +1,288 @@
+"""Creation and variation against closed forms: depths, selection pressure, shares of the operators, streams."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from coevo.config import GPSettings
+from coevo.evolution.population import breed, codes_of, first_population, individual_of
+from coevo.tree import Tree, function_set, parse, tree_codes
+
+functions = function_set(0, 3)
+UNLIKELY = 1e-4  # of a statistic under the closed form; the seeds are fixed, so a test that passes always does
+
+
+def individual(tree, fitness=0.0):
+    """Return a parent from a tree or its text, with its fitness assigned."""
+    tree = tree if isinstance(tree, Tree) else parse(tree)
+    parent = individual_of(tree_codes(tree, functions), functions)
+    parent.fitness.values = (float(fitness), float(tree.depth))
+    return parent
+
+
+def only(operator, **settings):
+    """Return settings in which one operator does everything, and nobody survives as it is."""
+    shares = dict.fromkeys(("crossover", "reproduction", "mutation"), 0.0)
+    return GPSettings(**{**shares, operator: 1.0, "elite": 0, **settings})
+
+
+def bred(parents, settings, seed=1, generation=0, robot=0):
+    return breed(parents, settings, functions, seed=seed, generation=generation, robot=robot)
+
+
+def names(tree):
+    return tuple(node.name for node in tree)
+
+
+def full(depth, condition="IF_ball_is_left"):
+    return "shoot" if depth == 0 else f"{condition}({full(depth - 1, condition)}, {full(depth - 1, condition)})"
+
+
+# ------------------------------------------------------------------------------------------------------ creation
+
+
+@given(
+    low=st.integers(0, 5),
+    more=st.integers(0, 4),
+    population=st.integers(2, 30),
+    seed=st.integers(0, 2**63 - 1),
+)
+def test_first_populations_have_their_size_and_depths_within_limits(low, more, population, seed):
+    settings = GPSettings(
+        population=population, elite=0, creation_depth_min=low, creation_depth_max=low + more
+    )
+    trees = first_population(settings, functions, seed=seed, robot=0)
+    assert len(trees) == population
+    for tree in trees:
+        assert low <= Tree(names(tree)).depth <= low + more
+        assert set(names(tree)) <= set(functions.names)
+
+
+def test_creation_is_ramped_half_and_half():
+    """Half of the trees are full, their depths uniform; a grown one of depth 6 or more is full once in 10,000."""
+    low, high, number = 2, 8, 1200
+    settings = GPSettings(population=number, creation_depth_min=low, creation_depth_max=high)
+    depths = Counter()
+    for tree in first_population(settings, functions, seed=5, robot=1):
+        depth = Tree(names(tree)).depth
+        if len(tree) == 2 ** (depth + 1) - 1:
+            depths[depth] += 1
+    share = 0.5 / (high - low + 1)
+    observed = [depths[depth] for depth in (6, 7, 8)]
+    expected = [number * share] * 3
+    rest = number - sum(observed), number - sum(expected)
+    assert stats.chisquare([*observed, rest[0]], [*expected, rest[1]]).pvalue > UNLIKELY
+
+
+def test_functions_and_skills_are_drawn_evenly():
+    settings = GPSettings(population=400, creation_depth_min=6, creation_depth_max=6)
+    used = Counter(name for tree in first_population(settings, functions, seed=2, robot=0) for name in names(tree))
+    for group in (functions.functions, functions.names[-4:]):
+        assert stats.chisquare([used[name] for name in group]).pvalue > UNLIKELY
+
+
+# ----------------------------------------------------------------------------------------------------- selection
+
+
+@pytest.mark.parametrize(("tournament", "parents"), [(10, 20), (2, 12), (1, 8)])
+def test_a_tournament_selects_each_rank_as_often_as_the_closed_form_says(tournament, parents):
+    """The best of k drawn with replacement has rank i of n with probability ((n-i)^k - (n-i-1)^k) / n^k."""
+    trees = [f"{name}(shoot, pass)" for name in functions.functions[:parents]]
+    order = np.random.default_rng(3).permutation(parents)  # rank by place, so that places mean nothing
+    ranked = [individual(tree, fitness=order[place]) for place, tree in enumerate(trees)]
+    children = bred(ranked, only("reproduction", tournament=tournament, population=4000))
+    place = {names(parent): i for i, parent in enumerate(ranked)}
+    times = Counter(int(order[place[names(child)]]) for child in children)
+    remaining = np.arange(parents, 0, -1) / parents
+    expected = remaining**tournament - (remaining - 1 / parents) ** tournament
+    assert expected.sum() == pytest.approx(1.0)
+    kept = expected * 4000 >= 5.0  # the rest are counted together
+    observed = np.array([times[rank] for rank in range(parents)])
+    pooled = [np.append(x[kept], x[~kept].sum()) if (~kept).any() else x for x in (observed, expected * 4000)]
+    assert stats.chisquare(*pooled).pvalue > UNLIKELY
+
+
+def test_of_equal_fitness_the_smaller_tree_wins():
+    deep, shallow = individual(full(3)), individual(full(1))
+    worse = individual("shoot", fitness=1.0)
+    children = bred([worse, deep, shallow], only("reproduction", tournament=60, population=100))
+    assert {names(child) for child in children} == {names(shallow)}
+    (survivor, *_) = bred([worse, deep, shallow], only("mutation", elite=1, population=4))
+    assert names(survivor) == names(shallow)
+
+
+# ------------------------------------------------------------------------------------------------- the operators
+
+
+@given(tree=st.lists(st.from_type(Tree), min_size=2, max_size=8), seed=st.integers(0, 2**32), elite=st.integers(0, 3))
+def test_the_best_survive_unchanged_and_the_population_keeps_its_size(tree, seed, elite):
+    rng = np.random.default_rng(seed)
+    parents = [individual(one, fitness) for one, fitness in zip(tree, rng.permutation(len(tree)), strict=True)]
+    before = [names(parent) for parent in parents]
+    children = bred(parents, GPSettings(population=9, elite=elite), seed=seed)
+    assert len(children) == 9
+    best = sorted(parents, key=lambda parent: parent.fitness.values)[:elite]
+    assert [names(child) for child in children[: len(best)]] == [names(parent) for parent in best]
+    assert [names(parent) for parent in parents] == before
+    assert not any(child is parent for child in children for parent in parents)
+
+
+@given(tree=st.lists(st.from_type(Tree), min_size=2, max_size=8), seed=st.integers(0, 2**32))
+def test_reproduction_alone_gives_only_copies(tree, seed):
+    parents = [individual(one) for one in tree]
+    children = bred(parents, only("reproduction", population=20), seed=seed)
+    assert {names(child) for child in children} <= {names(parent) for parent in parents}
+
+
+@given(limit=st.integers(1, 7), seed=st.integers(0, 2**32))
+def test_crossover_never_goes_deeper_than_its_limit(limit, seed):
+    parents = [individual(full(depth, name)) for depth, name in zip(range(limit + 1), functions.names, strict=False)]
+    settings = only("crossover", population=16, crossover_depth_max=limit)
+    for generation in range(3):
+        parents = bred(parents, settings, seed=seed, generation=generation)
+        for child in parents:
+            depth = Tree(names(child)).depth
+            assert depth <= limit
+            child.fitness.values = (0.0, float(depth))
+
+
+def test_a_crossover_that_would_be_too_deep_gives_its_parents():
+    """Of two full trees at the limit, a child keeps the depth only if branches of one depth are exchanged."""
+    one, two = full(4, "IF_ball_is_left"), full(4, "IF_ball_is_lost")
+    parents = [individual(one), individual(two)]
+    children = bred(parents, only("crossover", population=300, crossover_depth_max=4))
+    depths = Counter(Tree(names(child)).depth for child in children)
+    assert max(depths) == 4
+    copies = sum(names(child) in {names(parent) for parent in parents} for child in children)
+    assert 0 < copies < len(children)
+
+
+def test_mutation_may_go_deeper_than_the_limit_of_crossover():
+    children = bred([individual(full(4))], only("mutation", population=200, crossover_depth_max=4))
+    depths = [Tree(names(child)).depth for child in children]
+    assert max(depths) > 4
+    assert max(depths) <= 4 + 5  # mutation_depth_max
+
+
+def test_mutation_puts_a_grown_tree_in_the_place_of_one_branch(nested):
+    parent = individual(full(3))
+    changed = 0
+    for child in bred([parent], only("mutation", population=200, mutation_depth_max=2)):
+        one, two = nested(Tree(names(parent))), nested(Tree(names(child)))
+        # Go down while exactly one branch differs: below is the mutation.
+        while one != two and isinstance(one, tuple) and isinstance(two, tuple) and one[0] == two[0]:
+            differing = [(a, b) for a, b in zip(one[1:], two[1:], strict=True) if a != b]
+            if len(differing) != 1:
+                break
+            ((one, two),) = differing
+        assert str(two).count("IF_") <= 3  # at most a full tree of depth 2
+        changed += one != two
+    assert changed > 150
+
+
+def test_mutants_have_the_share_of_the_settings():
+    """Leaves show who mutated: crossover and reproduction of single nodes give copies.
+
+    A grown tree is the same leaf again if its height is drawn as 0, or a skill is chosen at its root, and it is
+    that skill of four. Of the draws of an operator a crossover makes two children, the others one.
+    """
+    settings = GPSettings(population=6000, elite=0, crossover=0.5, reproduction=0.1, mutation=0.4, mutation_depth_max=3)
+    children = bred([individual("shoot")], settings)
+    changed = sum(names(child) != ("shoot",) for child in children)
+    heights = settings.mutation_depth_max + 1
+    leaf = 1 / heights + (1 - 1 / heights) * 4 / len(functions.names)
+    share = settings.mutation / (2 * settings.crossover + settings.reproduction + settings.mutation) * (1 - leaf / 4)
+    assert stats.binomtest(changed, len(children), share).pvalue > UNLIKELY
+
+
+def test_crossed_children_have_the_share_of_the_settings():
+    """Each parent has a function of its own: a child of two functions is crossed, unless a parent met itself."""
+    parents = [individual(full(3, name)) for name in functions.functions]
+    settings = GPSettings(
+        population=6000,
+        elite=0,
+        tournament=1,
+        crossover=0.6,
+        reproduction=0.4,
+        mutation=0.0,
+        leaf_probability=0.0,
+    )
+    children = bred(parents, settings)
+    mixed = sum(len({name for name in names(child) if name.startswith("IF_")}) == 2 for child in children)
+    crossed = 2 * settings.crossover / (2 * settings.crossover + settings.reproduction)
+    expected = crossed * (1 - 1 / len(parents))
+    assert stats.binomtest(mixed // 2, len(children) // 2, expected).pvalue > UNLIKELY  # children come in pairs
+
+
+@pytest.mark.parametrize("leaf_probability", [0.0, 0.3, 1.0])
+def test_crossover_points_are_leaves_as_often_as_the_settings_say(leaf_probability):
+    """In trees of own functions, a child has a function of the other if and only if the other gave no leaf."""
+    parents = [individual(full(3, name)) for name in functions.functions]
+    settings = only("crossover", population=4000, tournament=1, leaf_probability=leaf_probability)
+    children = bred(parents, settings)
+    given_function = sum(len({name for name in names(child) if name.startswith("IF_")}) == 2 for child in children)
+    expected = (1 - leaf_probability) * (1 - 1 / len(parents))
+    assert stats.binomtest(given_function, len(children), expected).pvalue > UNLIKELY
+
+
+# ------------------------------------------------------------------------------------------------ random streams
+
+
+def both(seed, generation=0, robot=0, population=8):
+    """Return codes of a first population and of its children."""
+    settings = GPSettings(population=population, creation_depth_max=4)
+    first = first_population(settings, functions, seed=seed, robot=robot)
+    for rank, tree in enumerate(first):
+        tree.fitness.values = (float(rank), 0.0)
+    second = bred(first, settings, seed=seed, generation=generation, robot=robot)
+    return [[codes_of(tree, functions).tolist() for tree in trees] for trees in (first, second)]
+
+
+@given(seed=st.integers(0, 2**63 - 1), noise=st.integers())
+def test_a_seed_gives_the_same_whatever_the_global_generators_do(seed, noise):
+    before = random.getstate(), np.random.get_state()  # noqa: NPY002 - it is this state that must not change
+    try:
+        random.seed(noise)
+        disturbed, legacy = random.getstate(), np.random.get_state()  # noqa: NPY002
+        one = both(seed)
+        assert random.getstate() == disturbed
+        assert all(np.array_equal(a, b) for a, b in zip(np.random.get_state(), legacy, strict=True))  # noqa: NPY002
+        random.seed(noise + 1)
+        assert both(seed) == one
+    finally:
+        random.setstate(before[0])
+
+
+def test_the_global_generator_is_put_back_after_a_failure():
+    before = random.getstate()
+    with pytest.raises(IndexError):
+        bred([], only("reproduction", population=4))
+    assert random.getstate() == before
+
+
+def test_every_seed_robot_and_generation_has_its_own_stream():
+    keys = [(seed, generation, robot) for seed in range(3) for generation in range(3) for robot in range(2)]
+    firsts = {str(both(seed, 0, robot)[0]) for seed, _, robot in keys}
+    assert len(firsts) == 6
+    parents = [individual(full(3, name), rank) for rank, name in enumerate(functions.functions[:8])]
+    settings = GPSettings(population=8, elite=0)
+    seconds = {
+        str([names(child) for child in bred(parents, settings, seed, generation, robot)])
+        for seed, generation, robot in keys
+    }
+    assert len(seconds) == len(keys)
+
+
+@given(tree=st.from_type(Tree))
+def test_codes_and_individuals_are_the_same_trees(tree):
+    parent = individual(tree)
+    assert names(parent) == tree.names
+    assert codes_of(parent, functions).tolist() == tree_codes(tree, functions).tolist()
+    assert codes_of(parent, functions).dtype == np.uint8

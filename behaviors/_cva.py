@@ -127,7 +127,7 @@ def stack_windows(segments: Sequence[tuple[Array, Array]], history_length: int) 
 def relative_conditioning(rows: Array) -> float:
     """Smallest over largest eigenvalue of the covariance of mean-free rows (windows, d); 0 for constants."""
     singular = np.linalg.svd(rows, compute_uv=False)
-    if len(singular) < rows.shape[1] or singular[0] <= _limit(rows):
+    if len(singular) < rows.shape[1] or singular[0] <= _limit(*rows.shape):
         return 0.0
     return float((singular[-1] / singular[0]) ** 2)
 
@@ -140,15 +140,19 @@ def canonical_variates(past: Array, future: Array, given: Array | None = None) -
     orthonormal in the covariance of what is left of the past.
 
     Any square root of the inverse covariance serves in (A.8) and (A.10), the rotation makes up for it. The
-    singular value decomposition of the windows themselves gives one without squaring their condition number.
+    singular value decomposition of the windows gives one without squaring their condition number.
     """
-    if given is not None:
-        basis = _principal(given).basis
+    windows = len(past)
+    if given is None:
+        past, future = _compressed(past, future)
+    else:
+        past, future, given = _compressed(past, future, given)
+        basis = _principal(given, windows).basis
         past = past - basis @ (basis.T @ past)
         future = future - basis @ (basis.T @ future)
-    p, f = _principal(past), _principal(future)
+    p, f = _principal(past, windows), _principal(future, windows)
     rotation, correlations, _ = np.linalg.svd(p.basis.T @ f.basis, full_matrices=False)  # (A.8)
-    whitening = np.sqrt(len(past)) / p.singular[:, None] * p.directions
+    whitening = np.sqrt(windows) / p.singular[:, None] * p.directions
     return CanonicalVariates(
         weights=_with_fixed_signs(rotation.T @ whitening),  # (A.10)
         correlations=np.clip(correlations, 0.0, 1.0),
@@ -164,8 +168,9 @@ def fit_orders(states: Array, actions: Array, observations: Array) -> OrderFit:
     orders. Eigenvalues of R are lifted to `RELATIVE_CUTOFF` of the variance of y_t: a direction that can be
     predicted exactly would otherwise give log|R| = -inf, or the logarithm of rounding noise.
     """
-    inputs = _principal(actions).basis
-    y = _principal(observations)
+    windows = len(states)
+    actions, states, observations = _compressed(actions, states, observations)
+    inputs, y = _principal(actions, windows).basis, _principal(observations, windows)
     target = y.basis - inputs @ (inputs.T @ y.basis)
     basis, triangle = np.linalg.qr(states - inputs @ (inputs.T @ states))
     # A state that inputs and earlier states determine leaves a column of rounding noise: it explains nothing.
@@ -173,10 +178,16 @@ def fit_orders(states: Array, actions: Array, observations: Array) -> OrderFit:
     explained = (basis.T @ target) * adds[:, None]
     residual = target.T @ target - np.cumsum(explained[:, :, None] * explained[:, None, :], axis=0)
     share = np.maximum(np.linalg.eigvalsh(residual), RELATIVE_CUTOFF)  # (rank, r): of the variance of y_t
-    deviations = y.singular / np.sqrt(len(states))
+    deviations = y.singular / np.sqrt(windows)
     loading = deviations[:, None] * y.directions
     norm = np.linalg.eigvalsh(loading.T @ residual @ loading)[:, -1]
     return OrderFit(np.log(share).sum(axis=1) + 2.0 * np.log(deviations).sum(), np.maximum(norm, 0.0))
+
+
+def _compressed(*blocks: Array) -> list[Array]:
+    """Return the blocks in a basis with at most as many rows as columns; all inner products are the same."""
+    triangle = np.linalg.qr(np.hstack(blocks), mode="r")
+    return np.split(triangle, np.cumsum([block.shape[1] for block in blocks])[:-1], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,15 +199,15 @@ class _Principal:
     directions: Array
 
 
-def _principal(rows: Array) -> _Principal:
+def _principal(rows: Array, windows: int) -> _Principal:
     basis, singular, directions = np.linalg.svd(rows, full_matrices=False)
-    kept = singular > _limit(rows)
+    kept = singular > _limit(windows, rows.shape[1])
     return _Principal(basis[:, kept], singular[kept], directions[kept])
 
 
-def _limit(rows: Array) -> float:
+def _limit(windows: int, variables: int) -> float:
     """Singular values up to here are degenerate: columns had unit variance before any regression."""
-    return float(np.sqrt(RELATIVE_CUTOFF * rows.size))
+    return float(np.sqrt(RELATIVE_CUTOFF * windows * variables))
 
 
 def _leading(signal: Array, length: int) -> Array:

@@ -64,8 +64,7 @@ def check_segments(segments: Sequence[tuple[ArrayLike, ArrayLike]]) -> list[Segm
         if not finite.all():
             raise ValueError(
                 f"segment {index} holds NaN or infinite values, first in row {int(np.argmin(finite))}; "
-                "expected finite ones: end a segment where the object is lost, begin another where it is seen "
-                "again"
+                "expected finite ones: end a segment where the object is lost, begin another where it is back"
             )
     if not checked:
         raise ValueError("no segments came; expected at least one pair (actions (T, m), observations (T, q))")

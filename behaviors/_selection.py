@@ -121,7 +121,8 @@ def _analyse(signals: Signals, history_length: int, *, project: bool) -> Candida
     if rank == 0:
         raise ValueError(
             "no direction of the past and the future observations varies (beside what future actions "
-            "explain, if those are projected out); expected at least one: record data in which the object moves"
+            "explain, if those are projected out); expected at least one: record data in which the object "
+            "moves"
         )
     states = windows.past @ variates.weights.T  # (A.9)
     fit = fit_orders(states, windows.actions, windows.observations)

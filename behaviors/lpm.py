@@ -59,8 +59,8 @@ class LocalPredictionModel:
         order: n, the dimension of the state.
         memory_matrix: (n, l (m + q)): [I_n 0] M, (A.9) and (A.10).
         past_mean: (l (m + q),): mean of p_t over the training windows.
-        contribution: (rank,): all mu, descending, within [0, 1]: how closely each element of the state, also
-            beyond the order, is correlated with the future, (A.8).
+        contribution: (rank,): all mu, descending, within [0, 1]: correlation of each element of the state,
+            also beyond the order, with the future, (A.8).
         A: (n, n), of (A.11), for mean-free inputs and outputs.
         B: (n, m), the same.
         C: (q, n), the same.
@@ -199,8 +199,9 @@ def identify(
             policy, past actions predict future ones, and states are spent on that. "project" first regresses
             u_t .. u_{t+l-1} out of both (Van Overschee and De Moor 1996): the order is then that of the
             system itself.
-        threshold: a norm of R that is small enough, as a share of the observations' variance. Without effect
-            where ``history_length`` is given.
+        threshold: a norm of R that is small enough: the error variance of the least predictable direction,
+            where every standardised observation has variance 1. Without effect where ``history_length`` is
+            given.
 
     Returns:
         The model of that history length and order.
@@ -219,7 +220,7 @@ def identify(
         raise ValueError(f"future_inputs must be 'keep' or 'project', not {future_inputs!r}")
     if threshold is not None and not threshold > 0.0:
         raise ValueError(
-            f"threshold must be a positive share of the variance, such as 0.1, not {threshold!r}"
+            f"threshold must be a positive norm of the error covariance, such as 0.1, not {threshold!r}"
         )
 
     signals = Signals.standardised(checked, shortest_history=length or 1)

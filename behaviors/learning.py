@@ -173,6 +173,8 @@ def _model(
 def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None, report: Report | None = None) -> Skill:
     """Learn the recipe's skill from nothing.
 
+    The table kept is the one whose greedy policy did best in the checks (see ``LearningSettings``).
+
     Args:
         recipe: what to learn and how.
         seed, trials: replace those of the recipe.
@@ -189,27 +191,27 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
     learner = Learner(*(getattr(settings, name) for name in Learner._fields))
     scene = _scene(recipe, _bank(skill))
     values, visits = np.zeros(skill.values.shape), np.zeros(skill.values.shape, np.int64)
-    best, best_score, best_at = values, -np.inf, 0
-    checks = 0 if settings.check_every == 0 else max(1, settings.check_every // _BLOCK)
+    best, best_score, kept_after = values, -np.inf, trials
     for first in range(0, trials, _BLOCK):
         block = min(_BLOCK, trials - first)
+        done = first + block
         seeds = np.array([game_seed(seed, _LEARNING, first + n) for n in range(block)], np.uint64)
         outcomes, steps = np.zeros(block, np.int64), np.zeros(block, np.int64)
         if not run_trials(scene, learner, True, False, first, trials, seeds, values, visits, outcomes, steps):
             raise _no_start(recipe)
         if report is not None:
-            report(first + block, trials, float(_success(recipe, outcomes).mean()))
-        done = first + block
-        if checks and done >= settings.check_from * trials and (done == trials or (done // _BLOCK) % checks == 0):
+            report(done, trials, float(_success(recipe, outcomes).mean()))
+        due = settings.check_every and (done == trials or done // settings.check_every > first // settings.check_every)
+        if due and done >= settings.check_from * trials:
             score = _check(recipe, skill, values, seed)
             if score >= best_score:
-                best, best_score, best_at = values.copy(), score, done
+                best, best_score, kept_after = values.copy(), score, done
     about = {
         "recipe": msgspec.to_builtins(recipe),
         "recipe_digest": hashlib.sha256(msgspec.json.encode(recipe)).hexdigest(),
         "seed": seed,
         "trials": trials,
-        "kept_after_trials": best_at or trials,
+        "kept_after_trials": kept_after,
         "states_visited": int((visits.sum(axis=1) > 0).sum()),
     }
     return Skill(

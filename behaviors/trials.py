@@ -199,6 +199,7 @@ def run_trials(
             return False
         reset(scene.handles, state)
         forget(scene.memory)
+        # What was in view before the trial is anybody's guess; search would else know one lost state only.
         for o in range(scene.memory.side.shape[1]):
             scene.memory.side[0, o] = below(rng, 2)
         commands[:] = 0.0

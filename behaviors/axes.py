@@ -1,9 +1,10 @@
 """Which way the axes of a state point: canonical variates turned until each says one thing about the image.
 
-Canonical variate analysis leaves the axes open where correlations mu are nearly equal, and a state of unit variance
-stays one under any rotation. The cells of (3.9) cut along the axes, so another sample of the same experience gave
-another partition: ball bearing and distance on one axis each, or, as badly, both mixed on two. Varimax (Kaiser 1958),
-usual for canonical variates since Cliff and Krus (1976), turns the axes until each correlates with few features.
+Canonical variate analysis leaves the axes open where correlations mu are nearly equal, and a state of unit
+variance stays one under any rotation. The cells of (3.9) cut along the axes, so another sample of the same
+experience gave another partition: the ball's bearing and distance on one axis each, or both mixed on two.
+Varimax (Kaiser 1958), usual for canonical variates since Cliff and Krus (1976), turns the axes until each
+correlates with few features.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ def varimax(loadings: Array) -> Array:
 def simple_axes(model: LocalPredictionModel, segments: Sequence[tuple[Array, Array]]) -> Array:
     """Return the rotation (n, n) from the model's axes, as columns, to simple ones.
 
-    Loadings are correlations with the newest features. An axis points so that its largest loading is positive; axes
-    are in the order of how much they say of the features, most first.
+    Loadings are correlations with the newest features. An axis points so that its largest loading is
+    positive; axes are in the order of how much they say of the features, most first.
 
     Args:
         model: identified from the segments.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviors.axes import simple_axes
 from behaviors.lpm import identify
 from behaviors.recipe import ModelSettings, Recipe
 from behaviors.task import COLLISION, SUCCESS, task_params
@@ -28,7 +30,7 @@ from coevo.soccer.world import World
 __all__ = ["Measured", "evaluate", "learn", "wilson_interval"]
 
 # What the random streams of a recipe's seed are for.
-_EXPERIENCE, _LEARNING, _EVALUATION = 0, 1, 2
+_EXPERIENCE, _LEARNING, _EVALUATION, _CHECK = 0, 1, 2, 3
 _BLOCK = 250  # trials between two reports of progress
 _CAMERA_OBJECTS = {"ball": 0, "own_goal": 1, "opponent_goal": 2, "mate": ROBOTS, "robot": ROBOTS + 1}
 
@@ -180,11 +182,16 @@ def _model(
         order=settings.order,
         future_inputs=recipe.experience.future_inputs,
     )
-    return ObjectModel(settings.kind, found.history_length, found.memory_matrix, found.past_mean, settings.cell)
+    memory_matrix = found.memory_matrix
+    if settings.axes == "varimax":
+        memory_matrix = simple_axes(found, enough).T @ memory_matrix
+    return ObjectModel(settings.kind, found.history_length, memory_matrix, found.past_mean, settings.cell)
 
 
 def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None, report: Report | None = None) -> Skill:
     """Learn the recipe's skill from nothing.
+
+    The table kept is the one whose greedy policy did best in the checks (see ``LearningSettings``).
 
     Args:
         recipe: what to learn and how.
@@ -202,29 +209,31 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
     learner = Learner(*(getattr(settings, name) for name in Learner._fields))
     scene = _scene(recipe, _bank(skill))
     values, visits = np.zeros(skill.values.shape), np.zeros(skill.values.shape, np.int64)
+    best, best_score, kept_after = values, -np.inf, trials
     for first in range(0, trials, _BLOCK):
         block = min(_BLOCK, trials - first)
+        done = first + block
         seeds = np.array([game_seed(seed, _LEARNING, first + n) for n in range(block)], np.uint64)
         outcomes, steps = np.zeros(block, np.int64), np.zeros(block, np.int64)
         if not run_trials(scene, learner, True, False, first, trials, seeds, values, visits, outcomes, steps):
             raise _no_start(recipe)
         if report is not None:
-            report(first + block, trials, float(_success(recipe, outcomes).mean()))
+            report(done, trials, float(_success(recipe, outcomes).mean()))
+        due = settings.check_every and (done == trials or done // settings.check_every > first // settings.check_every)
+        if due and done >= settings.check_from * trials:
+            score = _check(recipe, skill, values, seed)
+            if score >= best_score:
+                best, best_score, kept_after = values.copy(), score, done
     about = {
         "recipe": msgspec.to_builtins(recipe),
         "recipe_digest": hashlib.sha256(msgspec.json.encode(recipe)).hexdigest(),
         "seed": seed,
         "trials": trials,
+        "kept_after_trials": kept_after,
         "states_visited": int((visits.sum(axis=1) > 0).sum()),
     }
     return Skill(
-        skill.name,
-        skill.drive,
-        skill.objects,
-        values.astype(np.float32),
-        skill.min_steps,
-        skill.max_steps,
-        about,
+        skill.name, skill.drive, skill.objects, best.astype(np.float32), skill.min_steps, skill.max_steps, about
     )
 
 
@@ -257,22 +266,41 @@ def evaluate(
         mover: MoverSettings instead of the recipe's.
     """
     changed = msgspec.structs.replace(recipe, starts=starts or recipe.starts, mover=mover or recipe.mover)
-    used = skill if skill is not None else _provisional(changed)
-    kinds = {model.kind for model in used.objects}
-    if skill is not None and kinds != {model.kind for model in recipe.objects}:
-        wanted = ", ".join(model.kind for model in recipe.objects)
-        raise InputError(
-            f"the skill {skill.name!r} looks at {', '.join(sorted(kinds))}; the task {recipe.task} needs {wanted}"
-        )
-    actions = len(action_set(changed.world.robot).codes)
-    scene = _scene(changed, make_bank([used], drive=changed.world.robot.drive, actions=actions))
+    if skill is not None:
+        kinds = {model.kind for model in skill.objects}
+        if kinds != {model.kind for model in recipe.objects}:
+            wanted = ", ".join(model.kind for model in recipe.objects)
+            looks = ", ".join(sorted(kinds))
+            raise InputError(f"the skill {skill.name!r} looks at {looks}; the task {recipe.task} needs {wanted}")
+    return _run(changed, skill, games, seed, _EVALUATION)
+
+
+def _run(recipe: Recipe, skill: Skill | None, games: int, seed: int, stream: int) -> Measured:
+    """Run ``games`` trials of the recipe without learning; without a skill, at random."""
+    used = skill if skill is not None else _provisional(recipe)
+    actions = len(action_set(recipe.world.robot).codes)
+    scene = _scene(recipe, make_bank([used], drive=recipe.world.robot.drive, actions=actions))
     learner = Learner(*(getattr(recipe.learning, name) for name in Learner._fields))
-    seeds = np.array([game_seed(seed, _EVALUATION, n) for n in range(games)], np.uint64)
+    seeds = np.array([game_seed(seed, stream, n) for n in range(games)], np.uint64)
     outcomes, steps = np.zeros(games, np.int64), np.zeros(games, np.int64)
     values, visits = np.zeros((1, actions)), np.zeros((1, 1), np.int64)
     if not run_trials(scene, learner, False, skill is None, 0, games, seeds, values, visits, outcomes, steps):
-        raise _no_start(changed)
+        raise _no_start(recipe)
     return Measured(outcomes, steps, _success(recipe, outcomes))
+
+
+def _check(recipe: Recipe, skill: Skill, values: NDArray[np.float64], seed: int) -> float:
+    """Return the mean reward of the greedy policy of ``values``, half from starts in view, half from anywhere.
+
+    These starts are the same for all checks of one learning, and are neither those of learning nor of evaluation.
+    """
+    now = dataclasses.replace(skill, values=values.astype(np.float32))
+    reward = 0.0
+    for starts in ("in-view", "anywhere"):
+        measured = _run(msgspec.structs.replace(recipe, starts=starts), now, recipe.learning.check_games, seed, _CHECK)
+        success = float((measured.outcomes == SUCCESS).mean())
+        reward += 0.5 * (success * recipe.goal_reward + measured.collision_rate * recipe.collision_reward)
+    return reward
 
 
 assert state_count(1) == 5  # three cells and two lost states

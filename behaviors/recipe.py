@@ -34,6 +34,7 @@ class ModelSettings(_Settings, frozen=True, kw_only=True):
     history_length: Annotated[int, Meta(ge=1, le=12)] | None = None  # None: chosen as in 3.2.3
     order: Annotated[int, Meta(ge=1, le=8)] | None = None  # None: chosen by AIC (3.6)
     cell: Positive = 0.6  # half width of the middle cell in standard deviations; (3.9) has 1
+    axes: Literal["varimax", "canonical"] = "varimax"  # which way the state's axes point; see behaviors.axes
 
 
 class ExperienceSettings(_Settings, frozen=True, kw_only=True):
@@ -64,6 +65,12 @@ class LearningSettings(_Settings, frozen=True, kw_only=True):
     epsilon_start: Share = 0.2  # 3.5.3
     epsilon_end: Share = 0.02
     easy_share: Share = 0.3  # of the trials, in which the missions grow from easy to full
+    anywhere_share: Share = 0.0  # of the trials, which start anywhere though the recipe starts in view
+    # The greedy policy is checked now and then, on starts of its own, and the table that did best is kept: late
+    # updates in aliased cells can spoil a good table.
+    check_every: Annotated[int, Meta(ge=0)] = 1000  # trials between two checks; 0: keep the last one
+    check_games: Annotated[int, Meta(ge=10, le=100_000)] = 300  # of each kind of start, in view and anywhere
+    check_from: Share = 0.3  # share of the trials before the first check
 
 
 class MoverSettings(_Settings, frozen=True, kw_only=True):

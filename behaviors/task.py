@@ -105,6 +105,7 @@ def start_trial(
     physics: PhysicsParams,
     camera: CameraParams,
     ease: float,
+    in_view: bool,
     state: NDArray[np.float64],
     retina: Retina,
     memory: Memory,
@@ -112,7 +113,7 @@ def start_trial(
 ) -> bool:
     """Draw the start of a trial into ``state`` (bodies, 6); False if none was found.
 
-    Bodies lie anywhere on the field without touching. With starts in view, what the task is about is visible to
+    Bodies lie anywhere on the field without touching. With starts ``in_view``, what the task is about is visible to
     the learner (for search: the ball is not). ``ease``: 1 starts near, 0 anywhere: limits how far the learner is
     from the ball and the ball from where it should go.
     """
@@ -143,7 +144,7 @@ def start_trial(
             apart = math.hypot(state[1, 0] - state[0, 0], state[1, 1] - state[0, 1])
             if apart < 0.7 or apart > 2.0:
                 continue
-        if not task.in_view and task.task != SEARCH:
+        if not in_view and task.task != SEARCH:
             return True
         look(camera, state, 0, 0, retina, memory.features[0, :objects], memory.areas[0, :objects])
         sees_ball = memory.areas[0, BALL] > 0.0

@@ -43,6 +43,7 @@ class Learner(NamedTuple):
     epsilon_start: float
     epsilon_end: float
     easy_share: float
+    anywhere_share: float
 
 
 @helper
@@ -96,7 +97,9 @@ def gather(
     rng = np.full(1, seed)
     row, number = 0, 0
     while row < trial.shape[0]:
-        if not start_trial(task, scene.physics, scene.camera, 0.0, state, scene.retina, scene.memory, rng):
+        if not start_trial(
+            task, scene.physics, scene.camera, 0.0, task.in_view, state, scene.retina, scene.memory, rng
+        ):
             return row
         reset(scene.handles, state)
         forget(scene.memory)
@@ -188,10 +191,14 @@ def run_trials(
         ease = 0.0
         if learning and learner.easy_share > 0.0:
             ease = max(0.0, 1.0 - progress / learner.easy_share)
-        if not start_trial(task, scene.physics, scene.camera, ease, state, scene.retina, scene.memory, rng):
+        in_view = task.in_view and not (learning and uniform(rng) < learner.anywhere_share)
+        if not start_trial(task, scene.physics, scene.camera, ease, in_view, state, scene.retina, scene.memory, rng):
             return False
         reset(scene.handles, state)
         forget(scene.memory)
+        # What was in view before the trial is anybody's guess; search would else know one lost state only.
+        for o in range(scene.memory.side.shape[1]):
+            scene.memory.side[0, o] = below(rng, 2)
         commands[:] = 0.0
         touched[0], held_other[0] = -1, 0
         chases = uniform(rng) < task.chaser_share

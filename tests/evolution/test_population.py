@@ -55,9 +55,7 @@ def full(depth, condition="IF_ball_is_left"):
     seed=st.integers(0, 2**63 - 1),
 )
 def test_first_populations_have_their_size_and_depths_within_limits(low, more, population, seed):
-    settings = GPSettings(
-        population=population, elite=0, creation_depth_min=low, creation_depth_max=low + more
-    )
+    settings = GPSettings(population=population, elite=0, creation_depth_min=low, creation_depth_max=low + more)
     trees = first_population(settings, functions, seed=seed, robot=0)
     assert len(trees) == population
     for tree in trees:

@@ -20,28 +20,35 @@ __all__ = ["simple_axes", "varimax"]
 
 Array = NDArray[np.float64]
 
-_STEPS, _TOLERANCE = 500, 1e-10
+_SWEEPS, _SMALL_RAD = 200, 1e-9
 
 
 def varimax(loadings: Array) -> Array:
     """Return the rotation (n, n) that makes each column of ``loadings @ rotation`` large in few rows.
 
-    The iteration can stop early where there are as many features as axes and the loadings are a mere rotation of
-    simple ones; with more features than axes, as every object has, it met pairwise rotations to four digits.
+    Kaiser's own way: pairs of columns are turned by the best angle, which has a closed form, until none turns.
 
     Args:
         loadings: (features, n).
     """
     features, order = loadings.shape
-    rotation, before = np.eye(order), 0.0
-    for _ in range(_STEPS):
-        turned = loadings @ rotation
-        gradient = loadings.T @ (turned**3 - turned * (turned**2).sum(axis=0) / features)
-        u, strength, v = np.linalg.svd(gradient)
-        rotation = u @ v
-        if strength.sum() <= before * (1.0 + _TOLERANCE):
+    rotation = np.eye(order)
+    for _ in range(_SWEEPS):
+        largest = 0.0
+        for i in range(order):
+            for j in range(i):
+                one, two = loadings @ rotation[:, i], loadings @ rotation[:, j]
+                u, v = one * one - two * two, 2.0 * one * two
+                above = 2.0 * (features * (u @ v) - u.sum() * v.sum())
+                below = features * (u @ u - v @ v) - (u.sum() ** 2 - v.sum() ** 2)
+                angle = 0.25 * float(np.arctan2(above, below))
+                cosine, sine = np.cos(angle), np.sin(angle)
+                turned_i = cosine * rotation[:, i] + sine * rotation[:, j]
+                rotation[:, j] = cosine * rotation[:, j] - sine * rotation[:, i]
+                rotation[:, i] = turned_i
+                largest = max(largest, abs(angle))
+        if largest < _SMALL_RAD:
             break
-        before = strength.sum()
     return rotation
 
 

@@ -80,7 +80,7 @@ def _scene(recipe: Recipe, bank: SkillBank) -> Scene:
         task=task,
         bank=bank,
         memory=make_memory(bank, mates),
-        retina=make_retina(recipe.world, task.robots),
+        retina=make_retina(recipe.world),
         codes=actions.codes,
         commands=actions.commands,
     )

@@ -120,7 +120,6 @@ def start_trial(
     bodies = state.shape[0]
     ball = bodies - 1
     diagonal = math.sqrt(physics.length * physics.length + physics.width * physics.width)
-    objects = memory.areas.shape[1] - 1
     to_ball, to_aim = 0.6 + (1.0 - ease) * diagonal, 1.0 + (1.0 - ease) * diagonal
     for _ in range(_TRIES):
         state[:] = 0.0
@@ -146,7 +145,7 @@ def start_trial(
                 continue
         if not in_view and task.task != SEARCH:
             return True
-        look(camera, state, 0, 0, retina, memory.features[0, :objects], memory.areas[0, :objects])
+        look(camera, state, 0, 0, retina, memory.features[0], memory.areas[0])
         sees_ball = memory.areas[0, BALL] > 0.0
         if task.task == SEARCH:
             if not sees_ball:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviors.task import AVOID, COLLISION, FAILURE, GOING, SUCCESS, TaskParams, judge, move_other, start_trial
-from coevo.compiled import entry, helper
+from coevo.compiled import borrowed, entry, helper
 from coevo.skill import SkillBank
 from coevo.skill.estimate import Memory, discrete_state, forget, perturb, remember
 from coevo.soccer.camera import FEATURES, ROBOTS, CameraParams, Retina, look
@@ -55,11 +55,10 @@ def _watch(
     rng: NDArray[np.uint64],
 ) -> None:
     """Let the learner see and remember."""
-    objects = scene.memory.areas.shape[1] - 1
-    features, areas = scene.memory.features[0, :objects], scene.memory.areas[0, :objects]
+    features, areas = scene.memory.features[0], scene.memory.areas[0]
     look(scene.camera, state, 0, 0, scene.retina, features, areas)
     if scene.camera.noise > 0.0:
-        perturb(scene.camera, features, areas, rng)
+        perturb(scene.camera, scene.memory.areas.shape[1] - 1, features, areas, rng)
     remember(scene.memory, scene.bank, 0, time, code, 0.5 * scene.camera.columns)
 
 
@@ -89,6 +88,7 @@ def gather(
     trial: (rows,) number of the trial. inputs: (rows, 2) code of the action that led to the row's images.
     features: (rows, objects, 11), areas: (rows, objects), with the nearest robot in the last slot.
     """
+    scene = borrowed(scene)
     task, robots = scene.task, scene.task.robots
     objects = ROBOTS + robots - 1
     state, commands = np.zeros((robots + 1, 6)), np.zeros((robots, 2))
@@ -174,6 +174,7 @@ def run_trials(
         outcomes: (trials,) filled with GOING (time ran out), SUCCESS, FAILURE or COLLISION.
         steps: (trials,) filled with the length of each trial.
     """
+    scene = borrowed(scene)
     task, robots, bank = scene.task, scene.task.robots, scene.bank
     state, commands = np.zeros((robots + 1, 6)), np.zeros((robots, 2))
     ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))

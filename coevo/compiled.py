@@ -26,7 +26,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-__all__ = ["borrowed", "cache_folder", "entry", "helper", "is_compiled"]
+__all__ = ["borrowed", "cache_folder", "entry", "helper", "inlined", "is_compiled"]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _PACKAGES = Path(__file__).resolve().parents[1]
@@ -88,6 +88,14 @@ def borrowed(_typing: Any, value: Any) -> Any:
 def helper(function: _F) -> _F:
     """Compile ``function`` as a part of the entry kernels that call it."""
     return cast("_F", numba.njit(nogil=True, fastmath=False, error_model="numpy")(function))
+
+
+def inlined(function: _F) -> _F:
+    """Compile ``function`` into each place that calls it.
+
+    For what runs in every step and takes whole tuples of arrays: handing a hundred words over costs more than the work.
+    """
+    return cast("_F", numba.njit(nogil=True, fastmath=False, error_model="numpy", forceinline=True)(function))
 
 
 def entry(function: _F) -> _F:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.compiled import borrowed, entry, helper, is_compiled
+from coevo.compiled import borrowed, entry, inlined, is_compiled
 from coevo.config import CategorySettings, GameSettings, PlayerSettings, RunSettings
 from coevo.errors import InputError
 from coevo.skill import SkillBank, load_skill, make_bank
@@ -132,11 +132,11 @@ class Trace:
     actions: NDArray[np.int8]
 
 
-@helper
-def _categories(rules: _Rules, features: NDArray[np.float64], areas: NDArray[np.float64]) -> np.uint64:
+@inlined
+def _categories(rules: _Rules, objects: int, features: NDArray[np.float64], areas: NDArray[np.float64]) -> np.uint64:
     """Return the word of all predicates "a is b" of Table 6.1, seven bits an object."""
     word = np.uint64(0)
-    for o in range(areas.shape[0]):
+    for o in range(objects):
         if areas[o] <= 0.0:
             word |= np.uint64(64) << np.uint64(7 * o)
             continue
@@ -215,12 +215,12 @@ def _play(
                     if tracing:
                         trace_skills[t, r], trace_actions[t, r] = -1, -1
                     continue
-                features, areas = memory.features[r, :objects], memory.areas[r, :objects]
+                features, areas = memory.features[r], memory.areas[r]
                 look(camera, state, r, rules.teams[r], retina, features, areas)
                 if camera.noise > 0.0:
-                    perturb(camera, features, areas, rng)
+                    perturb(camera, objects, features, areas, rng)
                 remember(memory, bank, r, t, standing if action[r] < 0 else rules.codes[action[r]], middle)
-                word = _categories(rules, features, areas)
+                word = _categories(rules, objects, features, areas)
                 node = programs.start[r]
                 code = programs.codes[node]
                 while code < _FIRST_SKILL - 3:
@@ -283,7 +283,7 @@ class Arena:
         self._event_rules = event_params(world, settings.game)
         self._regions = regions([player.start for player in players], settings.game.ball_start)
         self._memory = make_memory(self.bank, _mates(players))
-        self._retina = make_retina(world, robots)
+        self._retina = make_retina(world)
         self._events = make_events(robots)
         self._desk = _make_desk(robots)
 

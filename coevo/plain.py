@@ -90,7 +90,7 @@ class PlainGame:
         self._actions = action_set(settings.world.robot)
         self._eye: _Eye = self._analytic_eye if camera == "analytic" else self._opencv_eye
         self._camera = camera_params(settings.world)
-        self._retina = make_retina(settings.world, len(settings.players))
+        self._retina = make_retina(settings.world)
 
     def _analytic_eye(self, state: NDArray[np.float64], robot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         objects = object_count(len(self.settings.players))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.compiled import helper
+from coevo.compiled import helper, inlined
 from coevo.skill.bank import MATE, NEAREST, SkillBank
 from coevo.soccer.camera import FEATURES, ROBOT_FEATURES, ROBOTS, CameraParams
 from coevo.soccer.rng import normal
@@ -79,13 +79,17 @@ def forget(memory: Memory) -> None:
 
 @helper
 def perturb(
-    camera: CameraParams, features: NDArray[np.float64], areas: NDArray[np.float64], rng: NDArray[np.uint64]
+    camera: CameraParams,
+    objects: int,
+    features: NDArray[np.float64],
+    areas: NDArray[np.float64],
+    rng: NDArray[np.uint64],
 ) -> None:
-    """Add sensor noise to the features of what is visible: (objects, 11) and (objects,).
+    """Add sensor noise to the features of what is visible of the camera's ``objects``.
 
     Each coordinate and extent gets the camera's noise; the area, a sum over an outline, that times its square root.
     """
-    for o in range(areas.shape[0]):
+    for o in range(objects):
         if areas[o] > 0.0:
             last = 3 if o == 0 else (10 if o < ROBOTS else 4)
             for k in range(last):
@@ -94,7 +98,7 @@ def perturb(
             features[o, last] = areas[o]
 
 
-@helper
+@inlined
 def remember(
     memory: Memory, bank: SkillBank, robot: int, time: int, inputs: NDArray[np.float64], middle: float
 ) -> None:
@@ -138,7 +142,7 @@ def remember(
         memory.side[robot, o] = 0 if row[0] < middle else 1
 
 
-@helper
+@inlined
 def discrete_state(memory: Memory, bank: SkillBank, skill: int, robot: int, time: int) -> int:
     """Return the state of a skill: the cells (3.9) of x = M (p - mean) of each of its objects."""
     state = 0

@@ -27,7 +27,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from coevo.compiled import entry, helper
+from coevo.compiled import entry, inlined
 from coevo.config import WorldSettings
 
 __all__ = [
@@ -51,6 +51,7 @@ __all__ = [
 BALL, OWN_GOAL, OPPONENT_GOAL, ROBOTS = 0, 1, 2, 3  # order of objects; the other robots follow in their order
 BALL_FEATURES, GOAL_FEATURES, ROBOT_FEATURES, FEATURES = 4, 11, 5, 11
 _NEAR = 1e-6
+_NOWHERE = (0, 0)  # an empty range of columns
 _LEVEL = 1e-4  # metres: a rim nearer than this to the height of the camera is moved by as much
 
 
@@ -90,22 +91,24 @@ class _Rim(NamedTuple):
 class Retina(NamedTuple):
     """Room for one image.
 
-    masks: (objects, columns) uint64, what each object covers where nothing hides it; only the columns of visible
-        objects are written. occupied: (columns,) uint64, all that is covered. scratch: (3, columns) float64.
+    words: (columns,) uint64, the rows that the object under way covers, from its first column on.
+    occupied: (columns,) uint64, all that is covered. lows, highs: (columns,) float64, scratch.
     """
 
-    masks: NDArray[np.uint64]
+    words: NDArray[np.uint64]
     occupied: NDArray[np.uint64]
-    scratch: NDArray[np.float64]
+    lows: NDArray[np.float64]
+    highs: NDArray[np.float64]
 
 
-def make_retina(world: WorldSettings, robots: int) -> Retina:
-    """Make room for the images of a game of ``robots``."""
+def make_retina(world: WorldSettings) -> Retina:
+    """Make room for the images of a camera."""
     columns = world.camera.width_px
     return Retina(
-        np.zeros((object_count(robots), columns), np.uint64),
-        np.zeros(columns, np.uint64),
-        np.zeros((3, columns)),
+        words=np.zeros(columns, np.uint64),
+        occupied=np.zeros(columns, np.uint64),
+        lows=np.zeros(columns),
+        highs=np.zeros(columns),
     )
 
 
@@ -147,40 +150,38 @@ def _trailing_zeros(_typing: Any, _word: Any) -> Any:
     return types.uint64(types.uint64), generate
 
 
-@helper
-def _fill_rows(
-    camera: CameraParams, lows: NDArray[np.float64], highs: NDArray[np.float64], words: NDArray[np.uint64]
-) -> None:
-    """Set each column's word to the rows whose centres lie in [low, high] (in focal lengths, downwards).
+@inlined
+def _fill_rows(camera: CameraParams, retina: Retina, count: int, words: NDArray[np.uint64]) -> None:
+    """Set the words of columns to the rows whose centres lie in [low, high] (in focal lengths, downwards).
 
     Written without branches, so that LLVM computes several columns at once.
     """
     half, bottom = 0.5 * camera.rows - 0.5, camera.rows - 1.0
     ones = np.uint64(0xFFFFFFFFFFFFFFFF)
-    for k in range(words.shape[0]):
-        first = math.ceil(min(max(lows[k] * camera.fy + half, 0.0), 64.0))
-        last = math.floor(min(max(highs[k] * camera.fy + half, -1.0), bottom))
-        count = max(last - first + 1.0, 0.0)
+    for k in range(count):
+        top = math.ceil(min(max(retina.lows[k] * camera.fy + half, 0.0), 64.0))
+        foot = math.floor(min(max(retina.highs[k] * camera.fy + half, -1.0), bottom))
+        rows = max(foot - top + 1.0, 0.0)
         # Two shifts, since a shift by 64 is undefined.
-        word = (ones >> np.uint64(np.int32(63.0 - max(count - 1.0, 0.0)))) << np.uint64(np.int32(min(first, 63.0)))
-        words[k] = word if count > 0.0 else np.uint64(0)
+        word = (ones >> np.uint64(np.int32(63.0 - max(rows - 1.0, 0.0)))) << np.uint64(np.int32(min(top, 63.0)))
+        words[k] = word if rows > 0.0 else np.uint64(0)
 
 
-@helper
+@inlined
 def _column_range(camera: CameraParams, low: float, high: float) -> tuple[int, int]:
-    """Return first and last-plus-one of the columns whose centres lie in [low, high] (focal lengths, rightwards)."""
+    """Return the first column whose centre lies in [low, high] (focal lengths, rightwards), and how many do."""
     half = 0.5 * camera.columns - 0.5
     first = max(math.ceil(max(low, -9.0) * camera.fx + half), 0.0)
     last = min(math.floor(min(high, 9.0) * camera.fx + half), camera.columns - 1.0)
-    return int(first), int(last) + 1
+    return int(first), max(int(last) - int(first) + 1, 0)
 
 
-@helper
+@inlined
 def _collect(
-    masks: NDArray[np.uint64],
+    words: NDArray[np.uint64],
     occupied: NDArray[np.uint64],
     first: int,
-    last: int,
+    columns: int,
     corners: bool,
     out: NDArray[np.float64],
 ) -> float:
@@ -189,10 +190,11 @@ def _collect(
     ``out``: (11,) features; for a goal as documented, else x, y, width, height.
     """
     area, sum_x, sum_y = 0, 0.0, 0.0
-    left, right, top, bottom = last, -1, 64, -1
+    left, right, top, bottom = first + columns, -1, 64, -1
     upper_left, upper_right, lower_left, lower_right = 999, -999, 999, -999
-    for c in range(first, last):
-        word = masks[c] & ~occupied[c]
+    for k in range(columns):
+        c = first + k
+        word = words[k] & ~occupied[c]
         if word == np.uint64(0):
             continue
         occupied[c] |= word
@@ -238,13 +240,13 @@ def _collect(
     return float(area)
 
 
-@helper
+@inlined
 def _ball_masks(
     camera: CameraParams,
     forward: float,
     right: float,
-    scratch: NDArray[np.float64],
-    masks: NDArray[np.uint64],
+    retina: Retina,
+    words: NDArray[np.uint64],
 ) -> tuple[int, int]:
     """Fill the column words of the ball; return the range of columns (empty if it is out of view)."""
     down = camera.height - camera.ball_radius
@@ -253,30 +255,29 @@ def _ball_masks(
     z = forward * camera.cos_tilt + down * camera.sin_tilt
     square = camera.ball_radius * camera.ball_radius
     if z <= camera.ball_radius:
-        return 0, 0
+        return _NOWHERE
     # The planes of image columns that touch the sphere.
     spread = camera.ball_radius * math.sqrt(x * x + z * z - square)
-    first, last = _column_range(camera, (x * z - spread) / (z * z - square), (x * z + spread) / (z * z - square))
-    if first >= last:
-        return 0, 0
+    first, count = _column_range(camera, (x * z - spread) / (z * z - square), (x * z + spread) / (z * z - square))
+    if count == 0:
+        return _NOWHERE
     # A ray (a, b, 1) hits where (p.d)^2 >= |d|^2 (|p|^2 - R^2): a quadratic in b for each column a.
     cone = x * x + y * y + z * z - square
     quadratic = y * y - cone
     scale, per_column, start = -1.0 / quadratic, 1.0 / camera.fx, first - 0.5 * camera.columns + 0.5
-    lows, highs = scratch[0, : last - first], scratch[1, : last - first]
-    for k in range(lows.shape[0]):
+    for k in range(count):
         a = (start + k) * per_column
         ahead = a * x + z
         linear = y * ahead
         under = linear * linear - quadratic * (ahead * ahead - cone * (a * a + 1.0))
         root = math.sqrt(max(under, 0.0))
-        lows[k] = (linear - root) * scale if under >= 0.0 else 9.0
-        highs[k] = (linear + root) * scale
-    _fill_rows(camera, lows, highs, masks[first:last])
-    return first, last
+        retina.lows[k] = (linear - root) * scale if under >= 0.0 else 9.0
+        retina.highs[k] = (linear + root) * scale
+    _fill_rows(camera, retina, count, words)
+    return first, count
 
 
-@helper
+@inlined
 def _make_rim(camera: CameraParams, forward: float, right: float, drop: float, square: float) -> _Rim:
     """Return the image of a horizontal circle as quadratics; ``drop``: how far below the camera it lies."""
     sine, cosine = camera.sin_tilt, camera.cos_tilt
@@ -297,51 +298,48 @@ def _make_rim(camera: CameraParams, forward: float, right: float, drop: float, s
     return _Rim(low, high, leading, drop, right * sine, b1, k1, k2)
 
 
-@helper
+@inlined
 def _robot_masks(
     camera: CameraParams,
     forward: float,
     right: float,
-    scratch: NDArray[np.float64],
-    masks: NDArray[np.uint64],
+    retina: Retina,
+    words: NDArray[np.uint64],
 ) -> tuple[int, int]:
     """Fill the column words of another robot; return the range of columns (empty if it is out of view)."""
     radius, sine, cosine = camera.robot_radius, camera.sin_tilt, camera.cos_tilt
     square = radius * radius
     distance2 = forward * forward + right * right
     if forward <= -radius or distance2 <= square:
-        return 0, 0
+        return _NOWHERE
     floor = _make_rim(camera, forward, right, camera.height, square)
     top = _make_rim(camera, forward, right, camera.height - camera.robot_height, square)
     low, high = min(floor.low, top.low), max(floor.high, top.high)
     if forward * cosine + min(floor.drop * sine, top.drop * sine) <= radius * cosine:
         low, high = -9.0, 9.0  # a rim reaches behind the camera: any column may show it
-    first, last = _column_range(camera, low, high)
-    if first >= last:
-        return 0, 0
+    first, count = _column_range(camera, low, high)
+    if count == 0:
+        return _NOWHERE
     # The outline is the hull of the two rims: their arcs, and the two upright lines that touch both.
-    lows, highs = scratch[0, : last - first], scratch[1, : last - first]
-    lows[:] = 9.0
-    highs[:] = -9.0
     start = first - 0.5 * camera.columns + 0.5
-    _add_rim(camera, floor, start, lows, highs)
-    _add_rim(camera, top, start, lows, highs)
+    for k in range(count):
+        retina.lows[k], retina.highs[k] = 9.0, -9.0
+    _add_rim(camera, floor, retina, start, count)
+    _add_rim(camera, top, retina, start, count)
     tangent = math.sqrt(distance2 - square)
     ahead, aside = tangent * tangent / distance2, tangent * radius / distance2
     for sign in (-1.0, 1.0):
         f, r = ahead * forward - sign * aside * right, ahead * right + sign * aside * forward
-        _add_side(camera, f, r, floor.drop, top.drop, start, lows, highs)
-    _fill_rows(camera, lows, highs, masks[first:last])
-    return first, last
+        _add_side(camera, f, r, floor.drop, top.drop, retina, start, count)
+    _fill_rows(camera, retina, count, words)
+    return first, count
 
 
-@helper
-def _add_rim(
-    camera: CameraParams, rim: _Rim, start: float, lows: NDArray[np.float64], highs: NDArray[np.float64]
-) -> None:
+@inlined
+def _add_rim(camera: CameraParams, rim: _Rim, retina: Retina, start: float, count: int) -> None:
     """Widen the interval of each column by what a rim covers of it."""
-    scale, per_column, sine, cosine = 1.0 / rim.leading, 1.0 / camera.fx, camera.sin_tilt, camera.cos_tilt
-    for k in range(lows.shape[0]):
+    scale, sine, cosine, per_column = 1.0 / rim.leading, camera.sin_tilt, camera.cos_tilt, 1.0 / camera.fx
+    for k in range(count):
         b0 = (start + k) * per_column * rim.drop - rim.shift
         linear = rim.k1 + b0 * rim.b1
         under = linear * linear - rim.leading * (rim.k2 + b0 * b0)
@@ -351,20 +349,20 @@ def _add_rim(
             low, high = (low, 9.0) if rim.drop > 0.0 else (-9.0, high)
         # The other half of the double cone of rays through the rim lies behind the camera.
         seen = under >= 0.0 and rim.drop * (sine + (low if rim.drop > 0.0 else high) * cosine) > 0.0
-        lows[k] = min(lows[k], low if seen else 9.0)
-        highs[k] = max(highs[k], high if seen else -9.0)
+        retina.lows[k] = min(retina.lows[k], low if seen else 9.0)
+        retina.highs[k] = max(retina.highs[k], high if seen else -9.0)
 
 
-@helper
+@inlined
 def _add_side(
     camera: CameraParams,
     forward: float,
     right: float,
     floor_drop: float,
     top_drop: float,
+    retina: Retina,
     start: float,
-    lows: NDArray[np.float64],
-    highs: NDArray[np.float64],
+    count: int,
 ) -> None:
     """Widen the interval of each column by the upright line at (forward, right)."""
     lean = right * camera.sin_tilt
@@ -374,16 +372,16 @@ def _add_side(
         return
     from_a, to_a = right / max(depth_floor, depth_top), right / max(min(depth_floor, depth_top), _NEAR)
     from_a, to_a = min(from_a, to_a), max(from_a, to_a)
-    per_column, first, second = 1.0 / camera.fx, right * camera.cos_tilt / lean, -forward / lean
-    for k in range(lows.shape[0]):
+    height, slope, per_column = right * camera.cos_tilt / lean, -forward / lean, 1.0 / camera.fx
+    for k in range(count):
         a = (start + k) * per_column
-        b = first + second * a
+        b = height + slope * a
         seen = from_a <= a <= to_a
-        lows[k] = min(lows[k], b if seen else 9.0)
-        highs[k] = max(highs[k], b if seen else -9.0)
+        retina.lows[k] = min(retina.lows[k], b if seen else 9.0)
+        retina.highs[k] = max(retina.highs[k], b if seen else -9.0)
 
 
-@helper
+@inlined
 def _bounds(constant: float, slope: float, inclination: float) -> tuple[float, float, float, float]:
     """Return the half-plane constant + slope a + inclination b >= 0 of the image as bounds of b in each column a.
 
@@ -398,15 +396,15 @@ def _bounds(constant: float, slope: float, inclination: float) -> tuple[float, f
     return -9.0, 0.0, at, lean
 
 
-@helper
+@inlined
 def _goal_masks(
     camera: CameraParams,
     forward_a: float,
     right_a: float,
     forward_b: float,
     right_b: float,
-    scratch: NDArray[np.float64],
-    masks: NDArray[np.uint64],
+    retina: Retina,
+    words: NDArray[np.uint64],
 ) -> tuple[int, int]:
     """Fill the column words of a goal mouth whose left post is a and right post is b, as the camera sees them."""
     sine, cosine = camera.sin_tilt, camera.cos_tilt
@@ -425,30 +423,29 @@ def _goal_masks(
         else:
             low, high = min(low, r / z), max(high, r / z)
     if behind == 4:
-        return 0, 0
+        return _NOWHERE
     if behind > 0:
         low, high = -9.0, 9.0
-    first, last = _column_range(camera, low, high)
-    if first >= last:
-        return 0, 0
+    first, count = _column_range(camera, low, high)
+    if count == 0:
+        return _NOWHERE
     # Planes through the camera and the edges: left post, right post, top, foot.
     left = _bounds(-right_a * cosine, forward_a, right_a * sine)
     right = _bounds(right_b * cosine, -forward_b, -right_b * sine)
     over = _level_bounds(forward_a, right_a, forward_b, right_b, top, sine, cosine, 1.0)
     under = _level_bounds(forward_a, right_a, forward_b, right_b, floor, sine, cosine, -1.0)
     per_column, start = 1.0 / camera.fx, first - 0.5 * camera.columns + 0.5
-    lows, highs = scratch[0, : last - first], scratch[1, : last - first]
-    for k in range(lows.shape[0]):
+    for k in range(count):
         a = (start + k) * per_column
         low = max(left[0] + left[1] * a, right[0] + right[1] * a)
         high = min(left[2] + left[3] * a, right[2] + right[3] * a)
-        lows[k] = max(low, over[0] + over[1] * a, under[0] + under[1] * a)
-        highs[k] = min(high, over[2] + over[3] * a, under[2] + under[3] * a)
-    _fill_rows(camera, lows, highs, masks[first:last])
-    return first, last
+        retina.lows[k] = max(low, over[0] + over[1] * a, under[0] + under[1] * a)
+        retina.highs[k] = min(high, over[2] + over[3] * a, under[2] + under[3] * a)
+    _fill_rows(camera, retina, count, words)
+    return first, count
 
 
-@helper
+@inlined
 def _level_bounds(
     fa: float, ra: float, fb: float, rb: float, drop: float, sine: float, cosine: float, side: float
 ) -> tuple[float, float, float, float]:
@@ -458,7 +455,7 @@ def _level_bounds(
     return _bounds(side * (nf * cosine + nd * sine), side * nr, side * (nd * cosine - nf * sine))
 
 
-@helper
+@inlined
 def look(
     camera: CameraParams,
     state: NDArray[np.float64],
@@ -476,16 +473,16 @@ def look(
         robot: whose camera.
         side: 0 if the robot attacks the goal at x = length, 1 if the one at x = 0.
         retina: room for the image.
-        features: (objects, 11), rows of visible objects are replaced.
-        areas: (objects,), area in pixels, 0 where the object is not visible.
+        features: (objects or more, 11), rows of visible objects are replaced.
+        areas: (objects or more,), area in pixels, 0 where the object is not visible.
     """
-    masks, occupied, scratch = retina.masks, retina.occupied, retina.scratch
+    words, occupied = retina.words, retina.occupied
     ball = state.shape[0] - 1
     x, y = state[robot, 0], state[robot, 1]
     cosine, sine = math.cos(state[robot, 2]), math.sin(state[robot, 2])
     for c in range(camera.columns):
         occupied[c] = np.uint64(0)
-    for o in range(areas.shape[0]):
+    for o in range(ROBOTS + ball - 1):
         areas[o] = -1.0
     edge = 0.5 * camera.columns / camera.fx
     # How much deeper than on the level of the camera a point can be: on the floor, or upwards on the top of things.
@@ -515,11 +512,11 @@ def look(
         if forward <= -size or right - size > reach or right + size < -reach:
             continue
         if nearest == ball:
-            first, last = _ball_masks(camera, forward, right, scratch, masks[thing])
+            first, count = _ball_masks(camera, forward, right, retina, words)
         else:
-            first, last = _robot_masks(camera, forward, right, scratch, masks[thing])
-        if first < last:
-            areas[thing] = _collect(masks[thing], occupied, first, last, False, features[thing])
+            first, count = _robot_masks(camera, forward, right, retina, words)
+        if count > 0:
+            areas[thing] = _collect(words, occupied, first, count, False, features[thing])
             row = features[thing]
             if nearest == ball:
                 row[2] = 0.25 * (row[2] + row[3])
@@ -544,13 +541,13 @@ def look(
         right_reach = edge * (right_f * camera.cos_tilt + deepest)
         if (left_r > left_reach and right_r > right_reach) or (left_r < -left_reach and right_r < -right_reach):
             continue  # both posts lie beyond the same edge of the image
-        first, last = _goal_masks(camera, left_f, left_r, right_f, right_r, scratch, masks[thing])
-        if first < last:
-            areas[thing] = _collect(masks[thing], occupied, first, last, True, features[thing])
+        first, count = _goal_masks(camera, left_f, left_r, right_f, right_r, retina, words)
+        if count > 0:
+            areas[thing] = _collect(words, occupied, first, count, True, features[thing])
             features[thing, 10] = areas[thing]
 
 
-@helper
+@inlined
 def _object_of(body: int, robot: int, ball: int) -> int:
     """Return the object number of a body, as ``robot`` counts them."""
     if body == ball:

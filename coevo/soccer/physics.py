@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.compiled import entry, helper
+from coevo.compiled import entry, helper, inlined
 from coevo.config import WorldSettings
 from coevo.soccer import chipmunk
 
@@ -112,7 +112,7 @@ def reset(handles: Handles, state: NDArray[np.float64]) -> None:
         chipmunk.add_shape(space, handles.pointers[BODIES + bodies + i])
 
 
-@helper
+@inlined
 def advance(
     handles: Handles,
     params: PhysicsParams,

@@ -10,10 +10,10 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
+from coevo.errors import InputError
 from coevo.evolution.evaluation import Evaluator, check_backend, group_seeds
 from coevo.evolution.grouping import random_groups
 from coevo.evolution.population import breed, codes_of, first_population, individual_of
-from coevo.errors import InputError
 from coevo.fitness import fixed, varying
 from coevo.game import Arena
 from coevo.run import create_run
@@ -92,7 +92,7 @@ def test_depth_and_nodes_are_those_of_the_trees(run):
 
 
 def test_the_table_of_generations_can_be_computed_from_the_individuals(run):
-    table = pd.read_csv(run.path / "generations.csv", float_precision="round_trip")
+    table = pd.read_csv(run.path / "generations.csv")
     assert list(table.columns) == list(run.generations.columns) == GENERATION_COLUMNS
     individuals, expected = read(run), []
     for generation, robot in itertools.product(range(run.config.gp.generations), evolving(run)):

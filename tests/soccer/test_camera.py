@@ -46,7 +46,7 @@ def look(world, state, robot=0, side=0):
     """Return features (objects, 11) and areas (objects,)."""
     robots = len(state) - 1
     features, areas = np.zeros((object_count(robots), FEATURES)), np.zeros(object_count(robots))
-    see(camera_params(world), state, robot, side, make_retina(world, robots), features, areas)
+    see(camera_params(world), state, robot, side, make_retina(world), features, areas)
     return features, areas
 
 

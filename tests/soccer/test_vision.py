@@ -40,7 +40,7 @@ def with_camera(camera):
 def look(world, state, robot, side):
     robots = len(state) - 1
     features, areas = np.zeros((object_count(robots), FEATURES)), np.zeros(object_count(robots))
-    see(camera_params(world), state, robot, side, make_retina(world, robots), features, areas)
+    see(camera_params(world), state, robot, side, make_retina(world), features, areas)
     return features, areas
 
 

@@ -53,7 +53,7 @@ def learn(
     Example: coevo learn shoot --seed 5
     """
     from behaviors.learning import learn as learn_skill
-    from behaviors.recipe import read_recipe
+    from behaviors.recipe import is_recipe_of, read_recipe
     from coevo.config import to_toml
 
     recipe = read_recipe(source)
@@ -83,7 +83,8 @@ def learn(
     card = make_card(recipe, skill, games=games, seed=_CARD_SEED)
     with _writing(folder):
         skill.save(folder / "skill.npz")
-        (folder / "recipe.toml").write_text(to_toml(recipe), encoding="utf-8")
+        if not is_recipe_of(source, folder):
+            (folder / "recipe.toml").write_text(to_toml(recipe), encoding="utf-8")
         (folder / "card.json").write_bytes(msgspec.json.format(msgspec.json.encode(card), indent=2) + b"\n")
     if as_json:
         emit({"folder": str(folder), **card})

@@ -17,6 +17,7 @@ __all__ = [
     "MoverSettings",
     "Recipe",
     "installed_recipes",
+    "is_recipe_of",
     "read_recipe",
 ]
 
@@ -114,6 +115,15 @@ class Recipe(_Settings, frozen=True, kw_only=True):
 def installed_recipes() -> list[str]:
     """Return the names of the recipes that came with the installation."""
     return sorted(path.parent.name for path in _PRETRAINED.glob("*/recipe.toml"))
+
+
+def _path(source: str) -> Path:
+    return Path(source) if source.endswith(".toml") else _PRETRAINED / source / "recipe.toml"
+
+
+def is_recipe_of(source: str, folder: Path) -> bool:
+    """Tell whether the recipe that ``source`` means is the very file in ``folder``, which then stays as it is written."""
+    return _path(source).resolve() == (folder / "recipe.toml").resolve()
 
 
 def read_recipe(source: str) -> Recipe:

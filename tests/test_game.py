@@ -1,0 +1,464 @@
+"""Whole games: compiled against the plain loop, independence of what else is played, and what a tree really decides."""
+
+from __future__ import annotations
+
+import math
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coevo.config import GPSettings, RunSettings, check, override, read_toml
+from coevo.errors import InputError
+from coevo.evolution.population import codes_of, first_population
+from coevo.game import Arena, warm_up
+from coevo.plain import PlainGame
+from coevo.skill import ObjectModel, Skill
+from coevo.skill.model import OBJECT_KINDS
+from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
+from coevo.soccer.rng import game_seed
+from coevo.tree import CATEGORIES, SKILLS, Tree, from_codes, function_set, parse
+from coevo.tree.program import compile_program, tree_codes
+
+PRESETS = ("two-learners", "stationary-opponent", "three-learners", "smoke")
+HAND_TYPED = "IF_ball_is_lost(search, shoot)"
+
+
+def settings_of(preset, *assignments):
+    """Return the settings of a preset, with some replaced."""
+    path = Path(str(files("coevo"))) / "presets" / f"{preset}.toml"
+    return check(RunSettings, override(read_toml(path), assignments), preset)
+
+
+def controlled(settings):
+    """Return which robots evolve."""
+    return [player.control == "evolve" for player in settings.players]
+
+
+def programs(settings, trees):
+    robots = len(settings.players)
+    found = []
+    for robot, tree in enumerate(trees):
+        functions = function_set(robot, robots)
+        found.append(None if tree is None else compile_program(tree_codes(tree, functions), functions))
+    return found
+
+
+def random_trees(settings, count, seed):
+    """Return ``count`` teams of random trees, None for robots that stand."""
+    gp = GPSettings(population=count, elite=0, creation_depth_min=1, creation_depth_max=6)
+    robots = len(settings.players)
+    columns = []
+    for robot, evolves in enumerate(controlled(settings)):
+        functions = function_set(robot, robots)
+        trees = first_population(gp, functions, seed=seed, robot=robot)
+        columns.append([from_codes(codes_of(tree, functions), functions) if evolves else None for tree in trees])
+    return list(zip(*columns, strict=True))
+
+
+def the_same_tree(settings, text):
+    return [parse(text) if evolves else None for evolves in controlled(settings)]
+
+
+def seeds_of(*key, count):
+    return np.array([game_seed(*key, game) for game in range(count)], np.uint64)
+
+
+def random_skill(path, name, kinds, rng, drive):
+    """Write a skill of random numbers, which drives wildly but sees all it asks for."""
+    models = []
+    for kind in kinds:
+        length, order = int(rng.integers(1, 5)), int(rng.integers(1, 4))
+        past = length * (2 + OBJECT_KINDS[kind])
+        matrix = rng.normal(0.0, 0.03, (order, past))
+        models.append(ObjectModel(kind, length, matrix, rng.uniform(10.0, 40.0, past), rng.uniform(0.3, 1.0)))
+    states = int(np.prod([model.states for model in models]))
+    values = rng.normal(size=(states, 9 if drive == "pws" else 7)).astype(np.float32)
+    values[:, -3:] += 0.7  # forwards more often than not
+    shortest = int(rng.integers(1, 6))
+    Skill(name, drive, tuple(models), values, shortest, shortest + int(rng.integers(0, 25))).save(path)
+    return f"skills.{name}='{path}'"
+
+
+@pytest.fixture(scope="module")
+def wild(tmp_path_factory):
+    """Return the settings of crowded games of two against two with random skills, for each drive."""
+    folder, found = tmp_path_factory.mktemp("skills"), {}
+    looks = {
+        "shoot": ("ball", "opponent_goal"),
+        "pass": ("mate", "ball", "own_goal"),
+        "avoid": ("robot",),
+        "search": ("own_goal", "robot"),
+    }
+    for drive in ("pws", "4ws"):
+        rng = np.random.default_rng(8)
+        skills = [
+            random_skill(folder / f"{drive}-{name}.npz", name, kinds, rng, drive) for name, kinds in looks.items()
+        ]
+        near = "start={x_m=[3.0, 5.0], y_m=[1.0, 3.0], facing='ball', spread_deg=60.0}"
+        players = ", ".join(f"{{team={team}, {near}}}" for team in (0, 1, 1, 0))
+        found[drive] = settings_of(
+            "three-learners",
+            f"players=[{players}]",
+            f"world.robot.drive='{drive}'",
+            "world.field.corner_panels=false",
+            "game.time_limit_steps=150",
+            *skills,
+        )
+    return found
+
+
+# ------------------------------------------------------------------------------------------- compiled against plain
+
+
+def play_both(settings, trees, seeds):
+    """Return how many games differ in anything, and all that happened in them."""
+    arena, plain = Arena(settings), PlainGame(settings)
+    different, outcomes = [], []
+    for n, (team, seed) in enumerate(zip(trees, seeds, strict=True)):
+        one, seen = arena.trace(programs(settings, team), seed)
+        two, expected = plain.play(team, seed)
+        equal = [
+            np.array_equal(getattr(one, name), getattr(two, name))
+            for name in ("steps", "scorer", "kicks", "collisions", "passes", "skill_steps")
+        ]
+        equal += [
+            seen.states.tobytes() == expected.states.tobytes(),
+            np.array_equal(seen.skills, expected.skills),
+            np.array_equal(seen.actions, expected.actions),
+        ]
+        if not all(equal):
+            different.append(n)
+        outcomes.append(two)
+    return different, outcomes
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_compiled_games_are_those_of_the_plain_loop(preset):
+    settings = settings_of(preset, "game.time_limit_steps=300")
+    texts = (
+        HAND_TYPED,
+        "pass",
+        "IF_ball_is_left(pass, IF_opponent_goal_is_lost(search, IF_ball_is_large(shoot, IF_own_goal_is_lost(avoid, pass))))",
+    )
+    trees = [the_same_tree(settings, text) for text in texts] + random_trees(settings, 12, seed=2)
+    different, outcomes = play_both(settings, trees, seeds_of(4, count=15))
+    assert sum(outcome.kicks.sum() for outcome in outcomes) > 20  # they played
+    assert different == []
+
+
+@pytest.mark.parametrize("drive", ["pws", "4ws"])
+def test_crowded_games_of_random_skills_are_those_of_the_plain_loop(wild, drive):
+    settings = wild[drive]
+    different, outcomes = play_both(settings, random_trees(settings, 15, seed=3), seeds_of(5, count=15))
+    for name in ("kicks", "collisions", "passes"):
+        assert sum(getattr(outcome, name).sum() for outcome in outcomes) >= 5, name
+    assert np.all(sum(outcome.skill_steps for outcome in outcomes) > 0)
+    assert different == []
+
+
+# ------------------------------------------------------------------------------------------------- games on their own
+
+
+def everything(arena, team, seed):
+    """Return all bytes of a game."""
+    outcome, trace = arena.trace(team, seed)
+    parts = [outcome.steps, outcome.scorer, outcome.kicks, outcome.collisions, outcome.passes, outcome.skill_steps]
+    parts += [*outcome.leaf_steps, trace.states, trace.skills, trace.actions]
+    return b"".join(part.tobytes() for part in parts)
+
+
+@pytest.mark.parametrize("noise", ["", "world.camera.noise_px=0.5"])
+def test_a_game_is_the_same_whatever_was_played_before(wild, noise):
+    for settings in (settings_of("three-learners", *filter(None, [noise])), wild["pws"]):
+        teams = [programs(settings, trees) for trees in random_trees(settings, 6, seed=6)]
+        games = [(team, seed) for team in teams for seed in seeds_of(7, count=3)]
+        alone = [everything(Arena(settings), *game) for game in games]
+        assert len(set(alone)) == len(games)
+        arena, rng = Arena(settings), np.random.default_rng(1)
+        for _ in range(3):
+            for n in rng.permutation(len(games)):
+                assert everything(arena, *games[n]) == alone[n]
+
+
+def test_a_game_is_the_same_whatever_else_is_in_the_call():
+    settings = settings_of("three-learners")
+    arena, seeds = Arena(settings), seeds_of(8, count=12)
+    (team,) = (programs(settings, trees) for trees in random_trees(settings, 1, seed=9))
+    together = arena.play(team, seeds)
+    assert len(np.unique(together.kicks, axis=0)) > 3
+    order = np.random.default_rng(2).permutation(12)
+    turned = arena.play(team, seeds[order])
+    for name in ("steps", "scorer", "kicks", "collisions", "passes"):
+        assert np.array_equal(getattr(turned, name), getattr(together, name)[order]), name
+        alone = np.concatenate([getattr(arena.play(team, seeds[n : n + 1]), name) for n in range(12)])
+        assert np.array_equal(alone, getattr(together, name)), name
+    assert np.array_equal(turned.skill_steps, together.skill_steps)
+    for one, two in zip(turned.leaf_steps, together.leaf_steps, strict=True):
+        assert np.array_equal(one, two)
+
+
+def test_a_trace_is_the_game_that_is_played():
+    settings = settings_of("three-learners")
+    arena, seeds = Arena(settings), seeds_of(9, count=6)
+    (team,) = (programs(settings, trees) for trees in random_trees(settings, 1, seed=10))
+    played = arena.play(team, seeds)
+    for n, seed in enumerate(seeds):
+        outcome, trace = arena.trace(team, seed)
+        steps = int(played.steps[n])
+        assert outcome.steps.tolist() == [steps]
+        assert outcome.scorer[0] == played.scorer[n]
+        assert np.array_equal(outcome.kicks[0], played.kicks[n])
+        assert trace.states.shape == (steps + 1, 4, 6)
+        assert trace.skills.shape == trace.actions.shape == (steps, 3)
+
+
+def test_no_games_are_no_trouble():
+    settings = settings_of("two-learners")
+    outcome = Arena(settings).play(programs(settings, the_same_tree(settings, "shoot")), np.zeros(0, np.uint64))
+    assert outcome.steps.shape == (0,)
+    assert outcome.goals_of(0) == 0
+
+
+# ------------------------------------------------------------------------------------------------------ what is counted
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_leaves_and_skills_are_counted_once_a_step(preset):
+    settings = settings_of(preset, "game.time_limit_steps=200")
+    arena = Arena(settings)
+    for trees in random_trees(settings, 5, seed=11):
+        outcome = arena.play(programs(settings, trees), seeds_of(12, count=4))
+        for tree, leaves, skills in zip(trees, outcome.leaf_steps, outcome.skill_steps, strict=True):
+            if tree is None:
+                assert leaves.shape == (0,)
+                assert not skills.any()
+                continue
+            assert leaves.shape == (tree.nodes,)
+            assert leaves.sum() == skills.sum() == outcome.steps.sum()
+            for skill, name in enumerate(SKILLS):
+                assert sum(leaves[node] for node, what in enumerate(tree.names) if what == name) == skills[skill]
+
+
+def test_a_game_ends_with_a_goal_or_with_time():
+    settings = settings_of("two-learners")
+    arena, limit, length = Arena(settings), settings.game.time_limit_steps, settings.world.field.length_m
+    team = programs(settings, the_same_tree(settings, HAND_TYPED))
+    scored = set()
+    for seed in seeds_of(13, count=60):
+        outcome, trace = arena.trace(team, seed)
+        x, steps, scorer = trace.states[:, -1, 0], int(outcome.steps[0]), int(outcome.scorer[0])
+        assert np.all((x[:-1] >= 0.0) & (x[:-1] <= length))  # in play until the end
+        assert scorer == (0 if x[-1] > length else 1 if x[-1] < 0.0 else -1)
+        assert steps == limit if scorer < 0 else steps <= limit
+        assert outcome.goals_of(0) == int(scorer == 0)
+        assert outcome.goals_of(1) == int(scorer == 1)
+        scored.add(scorer)
+    assert {-1, 0} <= scored
+
+
+def test_a_robot_without_a_tree_stands_until_it_is_pushed():
+    settings = settings_of("stationary-opponent")
+    arena, trees = Arena(settings), the_same_tree(settings, HAND_TYPED)
+    still = 0
+    for seed in seeds_of(14, count=10):
+        outcome, trace = arena.trace(programs(settings, trees), seed)
+        assert np.all(trace.skills[:, 2] == -1)
+        assert np.all(trace.actions[:, 2] == -1)
+        assert np.all(trace.skills[:, :2] >= 0)
+        if outcome.kicks[0, 2] == 0 and outcome.collisions[0, 2] == 0:
+            assert np.ptp(trace.states[:, 2], axis=0).max() == 0.0
+            still += 1
+    assert still > 0
+
+
+# ------------------------------------------------------------------------------------------- categories and decisions
+
+
+def holds(settings, thing, category, features, area):
+    """Tell whether "a is b" by Table 6.1: thirds of the image, limits of area."""
+    limits = settings.categories
+    if area <= 0.0 or category == "lost":
+        return area <= 0.0 and category == "lost"
+    if category in ("left", "middle", "right"):
+        third = 64.0 / 3.0
+        return category == ("left" if features[0] < third else "middle" if features[0] < 2.0 * third else "right")
+    kind = "ball" if thing == BALL else "goal" if thing in (OWN_GOAL, OPPONENT_GOAL) else "robot"
+    small, large = getattr(limits, f"{kind}_small_below_px"), getattr(limits, f"{kind}_large_from_px")
+    return category == ("small" if area < small else "medium" if area < large else "large")
+
+
+@pytest.mark.parametrize("robot", [0, 1, 2])
+def test_each_condition_is_what_the_robot_sees(robot):
+    settings = settings_of("three-learners", "game.time_limit_steps=250")
+    arena, eye, functions = Arena(settings), PlainGame(settings), function_set(robot, 3)
+    seen = {}
+    for thing, name in enumerate(functions.objects):
+        for category in CATEGORIES:
+            trees = the_same_tree(settings, HAND_TYPED)
+            trees[robot] = parse(f"IF_{name}_is_{category}(shoot, search)")
+            _, trace = arena.trace(programs(settings, trees), game_seed(15, thing))
+            for state, skills in zip(trace.states, trace.skills, strict=False):
+                features, areas = eye._eye(state, robot)
+                expected = holds(settings, thing, category, features[thing], areas[thing])
+                assert SKILLS[skills[robot]] == ("shoot" if expected else "search"), (name, category)
+                seen.setdefault((name, category), set()).add(expected)
+    assert sum(found == {True, False} for found in seen.values()) > 20  # most conditions came out both ways
+    assert sum(True in found for found in seen.values()) >= 30
+
+
+def test_the_objects_of_robots_are_the_others_in_their_order():
+    # r1 looks at r0, to whose left or right stands r2: only its own eye can tell them apart.
+    settings = settings_of("three-learners", "game.time_limit_steps=60")
+    for robot, others in ((0, ("r1", "r2")), (1, ("r0", "r2")), (2, ("r0", "r1"))):
+        assert function_set(robot, 3).objects[ROBOTS:] == others
+    arena, eye, compared = Arena(settings), PlainGame(settings), 0
+    for seed in seeds_of(16, count=12):
+        trees = [parse("search"), parse("IF_r2_is_lost(search, avoid)"), parse("search")]
+        _, trace = arena.trace(programs(settings, trees), seed)
+        for state, skills in zip(trace.states, trace.skills, strict=False):
+            x, y, heading = state[1, :3]
+            _, areas = eye._eye(state, 1)
+            assert SKILLS[skills[1]] == ("search" if areas[ROBOTS + 1] <= 0.0 else "avoid")
+            bearing = math.atan2(state[2, 1] - y, state[2, 0] - x) - heading
+            if math.cos(bearing) < 0.0:  # r2 is behind r1
+                assert SKILLS[skills[1]] == "search"
+                compared += 1
+    assert compared > 20
+
+
+def test_only_the_chosen_branch_decides():
+    settings = settings_of("three-learners", "game.time_limit_steps=200")
+    arena = Arena(settings)
+    always = "IF_ball_is_lost({0}, IF_ball_is_left({0}, IF_ball_is_middle({0}, IF_ball_is_right({0}, {1}))))"
+    one = programs(settings, the_same_tree(settings, always.format("shoot", "search")))
+    two = programs(settings, the_same_tree(settings, "shoot"))
+    for seed in seeds_of(17, count=5):
+        assert arena.trace(one, seed)[1].states.tobytes() == arena.trace(two, seed)[1].states.tobytes()
+
+
+# ---------------------------------------------------------------------------------------------------------------- noise
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_noise_is_off_by_default(preset):
+    world = settings_of(preset).world
+    assert world.camera.noise_px == 0.0
+    assert world.robot.actuator_noise == 0.0
+
+
+@pytest.mark.parametrize("noise", ["world.camera.noise_px=1.0", "world.robot.actuator_noise=0.1"])
+def test_noise_changes_a_game_and_can_be_repeated(noise):
+    quiet, noisy = settings_of("two-learners"), settings_of("two-learners", noise)
+    team = programs(quiet, the_same_tree(quiet, HAND_TYPED))
+    for seed in seeds_of(18, count=5):
+        clean, one, two = (everything(Arena(settings), team, seed) for settings in (quiet, noisy, noisy))
+        assert one == two
+        assert one != clean
+    starts = [Arena(settings).trace(team, seed)[1].states[0] for settings in (quiet, noisy)]
+    assert np.array_equal(*starts)  # noise comes after the start is drawn
+
+
+def test_actuator_noise_has_its_deviation():
+    # A robot that stands is not disturbed; one that drives is, by a share of its speed.
+    settings = settings_of("two-learners", "world.robot.actuator_noise=0.05", "world.robot.max_acceleration_mps2=1e5")
+    arena, commands = Arena(settings), []
+    team = programs(settings, the_same_tree(settings, HAND_TYPED))
+    for seed in seeds_of(19, count=6):
+        outcome, trace = arena.trace(team, seed)
+        if outcome.collisions.any():
+            continue
+        for state, before, action in zip(trace.states[1:], trace.states, trace.actions[:, 0], strict=False):
+            away = np.hypot(*(before[0, :2] - before[-1, :2]))
+            inside = 0.4 < before[0, 0] < 7.8 and 0.4 < before[0, 1] < 4.1
+            if away > 0.5 and inside and action >= 6:  # forwards, in the open: 1 m/s is what it was told
+                commands.append(np.hypot(*state[0, 3:5]))
+    assert len(commands) > 200
+    assert np.mean(commands) == pytest.approx(1.0, abs=5.0 * 0.05 / math.sqrt(len(commands)))
+    assert np.std(commands) == pytest.approx(0.05, rel=5.0 / math.sqrt(2 * len(commands)))
+
+
+def test_the_plain_loop_refuses_noise():
+    with pytest.raises(ValueError, match="no noise"):
+        PlainGame(settings_of("smoke", "world.camera.noise_px=0.1"))
+
+
+# ----------------------------------------------------------------------------------------------------- the other camera
+
+
+def test_games_seen_through_opencv_mostly_show_the_same():
+    settings = settings_of("three-learners", "game.time_limit_steps=60")
+    painted, exact = PlainGame(settings, camera="opencv"), PlainGame(settings)
+    same, offsets = [], []
+    for seed in seeds_of(20, count=2):
+        outcome, trace = painted.play(the_same_tree(settings, HAND_TYPED), seed)
+        assert len(trace.states) == int(outcome.steps[0]) + 1
+        for state in trace.states[::3]:
+            for robot in range(3):
+                (seen, areas), (features, expected) = painted._eye(state, robot), exact._eye(state, robot)
+                for thing in range(len(areas)):
+                    same += [
+                        holds(settings, thing, category, seen[thing], areas[thing])
+                        == holds(settings, thing, category, features[thing], expected[thing])
+                        for category in CATEGORIES
+                    ]
+                    if areas[thing] > 20.0 and expected[thing] > 20.0:
+                        offsets.append(np.abs(seen[thing, :2] - features[thing, :2]).max())
+    assert len(offsets) > 100
+    assert np.mean(same) > 0.97
+    assert np.median(offsets) < 0.5
+
+
+# ------------------------------------------------------------------------------------------------------ what goes wrong
+
+
+def test_bodies_that_do_not_fit_are_the_users_to_mend():
+    spot = "{x_m=[2.0, 2.1], y_m=[2.0, 2.1]}"
+    settings = settings_of("two-learners", f"game.ball_start={spot}", f"players.0.start={spot}")
+    team = programs(settings, the_same_tree(settings, "shoot"))
+    with pytest.raises(InputError, match=r"do not fit into their start regions.*widen game\.ball_start"):
+        Arena(settings).play(team, seeds_of(21, count=1))
+
+
+def test_skills_of_another_drive_are_refused_before_any_game():
+    with pytest.raises(InputError, match=r"'shoot' was learned for the drive pws.*coevo learn shoot --drive 4ws"):
+        Arena(settings_of("smoke", "world.robot.drive='4ws'"))
+
+
+def test_warming_up_tells_only_about_compiling():
+    settings, told = settings_of("smoke"), []
+    Arena(settings).play(programs(settings, the_same_tree(settings, "shoot")), seeds_of(22, count=1))
+    warm_up(settings, told.append)
+    assert told == []
+
+
+# ------------------------------------------------------------------------------------------------------------ some sense
+
+
+def test_a_tree_with_some_sense_scores_clearly_more_than_random_ones():
+    settings = settings_of("two-learners")
+    arena, games = Arena(settings), 5
+    sensible = arena.play(programs(settings, the_same_tree(settings, HAND_TYPED)), seeds_of(23, count=400))
+    share = float((sensible.scorer == 0).mean())
+    random = np.array(
+        [
+            arena.play(programs(settings, trees), seeds_of(24, team, count=games)).goals_of(0) / games
+            for team, trees in enumerate(random_trees(settings, 80, seed=25))
+        ]
+    )
+    # One-sided, 99.9 %: games of one team are not independent of each other, but teams are.
+    error = math.hypot(math.sqrt(share * (1.0 - share) / 400), random.std(ddof=1) / math.sqrt(len(random)))
+    assert share - random.mean() > 3.1 * error
+    assert share > 2.0 * random.mean()
+
+
+def test_a_tree_is_its_text_in_any_writing():
+    settings = settings_of("two-learners")
+    spaced = parse(" IF_ball_is_lost ( search ,shoot ) ")
+    assert spaced == Tree(("IF_ball_is_lost", "search", "shoot")) == parse(HAND_TYPED)
+    arena = Arena(settings)
+    one, two = (
+        arena.play(programs(settings, [tree, tree]), seeds_of(26, count=3)) for tree in (spaced, parse(HAND_TYPED))
+    )
+    assert np.array_equal(one.steps, two.steps)

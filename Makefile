@@ -12,7 +12,7 @@ PACKAGES := coevo behaviors analysis
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help evolve test env lint format types imports wheel-check readme-check bench lock clean
+.PHONY: help evolve test env lint format types imports wheel-check readme-check skills bench lock clean
 
 help: ## show this list
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12]'
@@ -45,6 +45,11 @@ wheel-check: $(READY) ## build the wheel, install it in a fresh environment and 
 
 readme-check: $(READY) ## run every command of the README
 	@$(BIN)/python tools/readme_commands.py
+
+skills: $(READY) ## learn the installed skills anew from their recipes, and measure them (about 10 minutes)
+	@for skill in shoot pass avoid search; do \
+		$(BIN)/coevo learn $$skill --out behaviors/pretrained/$$skill || exit 1; \
+	done
 
 bench: $(READY) ## measure speed: the benchmarks in tests/, then `coevo bench`
 	@$(BIN)/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only

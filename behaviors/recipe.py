@@ -122,7 +122,7 @@ def _path(source: str) -> Path:
 
 
 def is_recipe_of(source: str, folder: Path) -> bool:
-    """Tell whether the recipe that ``source`` means is the very file in ``folder``, which then stays as it is written."""
+    """Tell whether the recipe that ``source`` means is the very file in ``folder``, which then is kept."""
     return _path(source).resolve() == (folder / "recipe.toml").resolve()
 
 

@@ -16,7 +16,7 @@ from coevo.game import Arena, warm_up
 from coevo.plain import PlainGame
 from coevo.skill import ObjectModel, Skill
 from coevo.skill.model import OBJECT_KINDS
-from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
+from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL
 from coevo.soccer.rng import game_seed
 from coevo.tree import CATEGORIES, SKILLS, Tree, from_codes, function_set, parse
 from coevo.tree.program import compile_program, tree_codes
@@ -83,7 +83,7 @@ def random_skill(path, name, kinds, rng, drive):
 
 @pytest.fixture(scope="module")
 def wild(tmp_path_factory):
-    """Return the settings of crowded games of two against two with random skills, for each drive."""
+    """Return the settings of crowded games of three against one with random skills, for each drive."""
     folder, found = tmp_path_factory.mktemp("skills"), {}
     looks = {
         "shoot": ("ball", "opponent_goal"),
@@ -97,13 +97,13 @@ def wild(tmp_path_factory):
             random_skill(folder / f"{drive}-{name}.npz", name, kinds, rng, drive) for name, kinds in looks.items()
         ]
         near = "start={x_m=[3.0, 5.0], y_m=[1.0, 3.0], facing='ball', spread_deg=60.0}"
-        players = ", ".join(f"{{team={team}, {near}}}" for team in (0, 1, 1, 0))
+        players = ", ".join(f"{{team={team}, {near}}}" for team in (0, 0, 1, 0))
         found[drive] = settings_of(
             "three-learners",
             f"players=[{players}]",
             f"world.robot.drive='{drive}'",
             "world.field.corner_panels=false",
-            "game.time_limit_steps=150",
+            "game.time_limit_steps=200",
             *skills,
         )
     return found
@@ -140,7 +140,7 @@ def test_compiled_games_are_those_of_the_plain_loop(preset):
     texts = (
         HAND_TYPED,
         "pass",
-        "IF_ball_is_left(pass, IF_opponent_goal_is_lost(search, IF_ball_is_large(shoot, IF_own_goal_is_lost(avoid, pass))))",
+        "IF_ball_is_left(pass, IF_own_goal_is_lost(IF_ball_is_large(shoot, IF_opponent_goal_is_left(avoid, pass)), search))",
     )
     trees = [the_same_tree(settings, text) for text in texts] + random_trees(settings, 12, seed=2)
     different, outcomes = play_both(settings, trees, seeds_of(4, count=15))
@@ -151,7 +151,7 @@ def test_compiled_games_are_those_of_the_plain_loop(preset):
 @pytest.mark.parametrize("drive", ["pws", "4ws"])
 def test_crowded_games_of_random_skills_are_those_of_the_plain_loop(wild, drive):
     settings = wild[drive]
-    different, outcomes = play_both(settings, random_trees(settings, 15, seed=3), seeds_of(5, count=15))
+    different, outcomes = play_both(settings, random_trees(settings, 25, seed=3), seeds_of(5, count=25))
     for name in ("kicks", "collisions", "passes"):
         assert sum(getattr(outcome, name).sum() for outcome in outcomes) >= 5, name
     assert np.all(sum(outcome.skill_steps for outcome in outcomes) > 0)
@@ -305,27 +305,22 @@ def test_each_condition_is_what_the_robot_sees(robot):
                 assert SKILLS[skills[robot]] == ("shoot" if expected else "search"), (name, category)
                 seen.setdefault((name, category), set()).add(expected)
     assert sum(found == {True, False} for found in seen.values()) > 20  # most conditions came out both ways
-    assert sum(True in found for found in seen.values()) >= 30
 
 
 def test_the_objects_of_robots_are_the_others_in_their_order():
-    # r1 looks at r0, to whose left or right stands r2: only its own eye can tell them apart.
-    settings = settings_of("three-learners", "game.time_limit_steps=60")
-    for robot, others in ((0, ("r1", "r2")), (1, ("r0", "r2")), (2, ("r0", "r1"))):
-        assert function_set(robot, 3).objects[ROBOTS:] == others
-    arena, eye, compared = Arena(settings), PlainGame(settings), 0
-    for seed in seeds_of(16, count=12):
-        trees = [parse("search"), parse("IF_r2_is_lost(search, avoid)"), parse("search")]
-        _, trace = arena.trace(programs(settings, trees), seed)
-        for state, skills in zip(trace.states, trace.skills, strict=False):
-            x, y, heading = state[1, :3]
-            _, areas = eye._eye(state, 1)
-            assert SKILLS[skills[1]] == ("search" if areas[ROBOTS + 1] <= 0.0 else "avoid")
-            bearing = math.atan2(state[2, 1] - y, state[2, 0] - x) - heading
-            if math.cos(bearing) < 0.0:  # r2 is behind r1
-                assert SKILLS[skills[1]] == "search"
-                compared += 1
-    assert compared > 20
+    # r0 starts with its back to r2. Without any camera: what is behind is lost, what is ahead alone is not.
+    settings = settings_of("three-learners", "game.time_limit_steps=90")
+    arena, counts = Arena(settings), {"r1": 0, "r2": 0}
+    for seed in seeds_of(16, count=30):
+        for name in counts:
+            trees = [parse(f"IF_{name}_is_lost(search, avoid)"), parse("search"), parse("search")]
+            _, trace = arena.trace(programs(settings, trees), seed)
+            for state, skills in zip(trace.states, trace.skills, strict=False):
+                ahead = np.arctan2(state[1:3, 1] - state[0, 1], state[1:3, 0] - state[0, 0]) - state[0, 2]
+                if math.cos(ahead[1]) < 0.0 and math.cos(ahead[0]) > math.cos(math.radians(20.0)):
+                    assert SKILLS[skills[0]] == ("avoid" if name == "r1" else "search")
+                    counts[name] += 1
+    assert min(counts.values()) > 20
 
 
 def test_only_the_chosen_branch_decides():
@@ -433,7 +428,7 @@ def test_warming_up_tells_only_about_compiling():
     assert told == []
 
 
-# ------------------------------------------------------------------------------------------------------------ some sense
+# ---------------------------------------------------------------------------------------------------------- some sense
 
 
 def test_a_tree_with_some_sense_scores_clearly_more_than_random_ones():

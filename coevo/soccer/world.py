@@ -106,12 +106,19 @@ class World:
         return np.array(rows, np.float64)
 
     def place(self, state: ArrayLike) -> None:
-        """Put the bodies of a World that has not moved yet where ``state`` (bodies, 6) says."""
-        for body, (x, y, heading, vx, vy, turn) in zip(
-            self.bodies, np.asarray(state, np.float64).tolist(), strict=True
-        ):
+        """Put the bodies of a World that has not moved yet where ``state`` (bodies, 6) says.
+
+        The shapes are added anew, so that Chipmunk's search tree, and with it the order in which contacts are solved,
+        is that of bodies which were there from the beginning.
+        """
+        shapes = [next(iter(body.shapes)) for body in self.bodies]
+        self.space.remove(*shapes)
+        _lib.cpSpaceSetShapeIDCounter(self.space._space, self._shape_counter)
+        rows = np.asarray(state, np.float64).tolist()
+        for body, (x, y, heading, vx, vy, turn) in zip(self.bodies, rows, strict=True):
             body.position, body.angle = (x, y), heading
             body.velocity, body.angular_velocity = (vx, vy), turn
+        self.space.add(*shapes)
 
     def step(self, commands: ArrayLike, after_substep: Callable[[], object] | None = None) -> None:
         """Move on by one step (1/30 s).

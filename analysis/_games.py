@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from coevo.game import Arena, Outcome
 from coevo.soccer.rng import game_seed
@@ -38,8 +39,6 @@ def play(arena: Arena, trees: Sequence[Tree | None], *, games: int, seed: int) -
 
 def mean_interval(values: Sequence[float] | NDArray[np.float64]) -> tuple[float, float, float]:
     """Return the mean of independent values and its 95 % confidence interval by Student's t."""
-    from scipy import stats
-
     data = np.asarray(values, np.float64)
     mean = float(data.mean())
     if len(data) < 2 or float(data.std()) == 0.0:

@@ -22,17 +22,17 @@ from coevo.tree import from_codes, function_set, parse
 
 __all__ = ["main"]
 
-_SHOOT = "IF_ball_is_lost(search, shoot)"
-_PASS = "IF_ball_is_lost(search, IF_r1_is_lost(shoot, pass))"
-_PASS_ALWAYS = "IF_ball_is_lost(search, pass)"
-_WAIT = "IF_ball_is_large(shoot, IF_ball_is_medium(shoot, search))"
+_SHOOTER = "IF_ball_is_lost(search, shoot)"
+_PASSER = "IF_ball_is_lost(search, IF_r1_is_lost(shoot, pass))"
+_GIVER = "IF_ball_is_lost(search, pass)"
+_WAITER = "IF_ball_is_large(shoot, IF_ball_is_medium(shoot, search))"
 _TEAMS = {
-    "both shoot": (_SHOOT, _SHOOT),
-    "r0 shoots, r1 searches": (_SHOOT, "search"),
-    "r1 shoots, r0 searches": ("search", _SHOOT),
-    "r0 passes, r1 shoots": (_PASS, _SHOOT),
-    "r0 always passes, r1 shoots": (_PASS_ALWAYS, _SHOOT),
-    "r0 passes, r1 waits for the ball": (_PASS, _WAIT),
+    "both shoot": (_SHOOTER, _SHOOTER),
+    "r0 shoots, r1 searches": (_SHOOTER, "search"),
+    "r1 shoots, r0 searches": ("search", _SHOOTER),
+    "r0 passes, r1 shoots": (_PASSER, _SHOOTER),
+    "r0 always passes, r1 shoots": (_GIVER, _SHOOTER),
+    "r0 passes, r1 waits for the ball": (_PASSER, _WAITER),
     "both search": ("search", "search"),
 }
 
@@ -49,7 +49,7 @@ def main(*, recipe: str, games: int, random_teams: int, seed: int, assignments: 
     arena, robots = Arena(settings), len(settings.players)
     rows = []
     opponents = (
-        [None, parse("search"), parse(_SHOOT)] if robots > 2 and settings.players[2].control == "evolve" else [None]
+        [None, parse("search"), parse(_SHOOTER)] if robots > 2 and settings.players[2].control == "evolve" else [None]
     )
     for name, team in _TEAMS.items():
         for opponent in opponents if robots > 2 else [None]:
@@ -86,8 +86,8 @@ def main(*, recipe: str, games: int, random_teams: int, seed: int, assignments: 
     click.echo(f"{recipe}: goals of r0 and r1 in 20 games (95 % interval), {games} games a row")
     click.echo(table(["team", "goals", "lost", "steps", "passes r0", "kicks", "collisions"], rows))
     click.echo(
-        f"random trees ({len(found)} teams, 20 games each): mean {found.mean():.1f}, standard deviation {found.std():.1f},"
-        f" best {found.max()}, none in {np.mean(found == 0):.0%}"
+        f"random trees ({len(found)} teams, 20 games each): mean {found.mean():.1f},"
+        f" standard deviation {found.std():.1f}, best {found.max()}, none in {np.mean(found == 0):.0%}"
     )
 
 

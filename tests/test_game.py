@@ -96,7 +96,7 @@ def wild(tmp_path_factory):
         skills = [
             random_skill(folder / f"{drive}-{name}.npz", name, kinds, rng, drive) for name, kinds in looks.items()
         ]
-        near = "start={x_m=[3.0, 5.0], y_m=[1.0, 3.0], facing='ball', spread_deg=60.0}"
+        near = "start={x_m=[3.3, 4.7], y_m=[1.2, 2.6], facing='ball', spread_deg=60.0}"
         players = ", ".join(f"{{team={team}, {near}}}" for team in (0, 0, 1, 0))
         found[drive] = settings_of(
             "three-learners",
@@ -140,7 +140,7 @@ def test_compiled_games_are_those_of_the_plain_loop(preset):
     texts = (
         HAND_TYPED,
         "pass",
-        "IF_ball_is_left(pass, IF_own_goal_is_lost(IF_ball_is_large(shoot, IF_opponent_goal_is_left(avoid, pass)), search))",
+        "IF_ball_is_left(pass, IF_own_goal_is_lost(IF_ball_is_large(shoot, avoid), IF_own_goal_is_left(pass, search)))",
     )
     trees = [the_same_tree(settings, text) for text in texts] + random_trees(settings, 12, seed=2)
     different, outcomes = play_both(settings, trees, seeds_of(4, count=15))

@@ -192,10 +192,6 @@ def test_compiled_games_are_plain_games_bit_for_bit_in_any_order_on_one_space(ga
 
 @pytest.mark.parametrize("robots", TEAMS)
 @pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.xfail(
-    strict=True,
-    reason="World.place moves shapes that were added at the origin, so contacts are solved in another order",
-)
 def test_a_new_world_plays_the_same_games_bit_for_bit(games, drive, robots):
     world, played = games[drive, robots]
     different = [

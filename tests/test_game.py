@@ -152,8 +152,8 @@ def test_compiled_games_are_those_of_the_plain_loop(preset):
 def test_crowded_games_of_random_skills_are_those_of_the_plain_loop(wild, drive):
     settings = wild[drive]
     different, outcomes = play_both(settings, random_trees(settings, 25, seed=3), seeds_of(5, count=25))
-    for name in ("kicks", "collisions", "passes"):
-        assert sum(getattr(outcome, name).sum() for outcome in outcomes) >= 5, name
+    for name, least in (("kicks", 50), ("collisions", 20), ("passes", 1)):
+        assert sum(getattr(outcome, name).sum() for outcome in outcomes) >= least, name
     assert np.all(sum(outcome.skill_steps for outcome in outcomes) > 0)
     assert different == []
 

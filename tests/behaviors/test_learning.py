@@ -1,0 +1,466 @@
+"""Learning: returns against their definition, repeatability, sense, and the skills that are installed."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+from statsmodels.stats.proportion import proportion_confint
+
+from behaviors import learning
+from behaviors.commands import make_card, measure
+from behaviors.learning import evaluate, experience, learn, wilson_interval
+from behaviors.recipe import ExperienceSettings, LearningSettings, MoverSettings, Recipe, read_recipe
+from behaviors.task import COLLISION, FAILURE, GOING, SUCCESS, judge, task_params
+from behaviors.trials import Learner, _learn
+from coevo.config import check
+from coevo.errors import InputError
+from coevo.skill import load_skill, make_bank, read_card
+from coevo.skill.estimate import make_memory
+from coevo.skill.model import OBJECT_KINDS
+from coevo.soccer.camera import BALL
+from coevo.soccer.physics import physics_params
+
+TASKS = ("shoot", "pass", "avoid", "search")
+
+
+def changed(recipe, **parts):  # noqa: ANN003 - settings of a recipe
+    return msgspec.structs.replace(recipe, **parts)
+
+
+def short(name, trials=500):
+    """Return an installed recipe with a short learning."""
+    recipe = read_recipe(name)
+    few = msgspec.structs.replace(recipe.experience, windows=1500)
+    often = msgspec.structs.replace(recipe.learning, check_every=250, check_games=20)
+    return changed(recipe, trials=trials, experience=few, learning=often)
+
+
+# ------------------------------------------------------------------------------------------------------- lambda-returns
+
+
+def learner(**parts):  # noqa: ANN003 - settings of learning
+    chosen = msgspec.structs.replace(LearningSettings(), **parts)
+    return Learner(*(getattr(chosen, name) for name in Learner._fields))
+
+
+def slowly(numbers, values, visits, decisions, last):
+    """Update values and visits as ``_learn`` should: from the end back, each return as its sum over n-step returns.
+
+    decisions: (state, action, reward, steps) of each. last: the state that time ran out in, -1 if the trial ended.
+    """
+    count, gamma, decay = len(decisions), numbers.gamma, numbers.return_lambda
+    bootstrap = [0.0] * count  # worth of the state after each decision, when that decision is updated
+
+    def n_step(k, n):
+        total, discount = 0.0, 1.0
+        for _, _, reward, steps in decisions[k : k + n]:
+            total += discount * reward
+            discount *= gamma**steps
+        return total + discount * bootstrap[k + n - 1]
+
+    for k in reversed(range(count)):
+        after = last if k == count - 1 else decisions[k + 1][0]
+        bootstrap[k] = max(values[after]) if after >= 0 else 0.0
+        left = count - k  # decisions from this one to the end
+        target = decay ** (left - 1) * n_step(k, left)
+        target += (1.0 - decay) * sum(decay ** (n - 1) * n_step(k, n) for n in range(1, left))
+        state, action, _, _ = decisions[k]
+        rate = max(numbers.alpha_min, numbers.alpha / (1.0 + visits[state][action] / numbers.alpha_visits))
+        values[state][action] += rate * (target - values[state][action])
+        visits[state][action] += 1
+
+
+def fast(numbers, values, visits, decisions, last):
+    states, actions, rewards, lengths = zip(*decisions, strict=True)
+    columns = (np.array(states), np.array(actions), np.array(rewards, np.float64), np.array(lengths))
+    _learn(numbers, values, visits, *columns, len(decisions), last)
+
+
+STATES, ACTIONS = 5, 3
+trials = st.lists(
+    st.tuples(
+        st.integers(0, STATES - 1),
+        st.integers(0, ACTIONS - 1),
+        st.sampled_from((0.0, 0.0, 1.0, -0.3)),
+        st.integers(1, 30),
+    ),
+    min_size=1,
+    max_size=12,
+)
+
+
+@settings(deadline=None)
+@given(
+    story=st.lists(st.tuples(trials, st.integers(-1, STATES - 1)), min_size=1, max_size=4),
+    gamma=st.floats(0.5, 0.999),
+    decay=st.sampled_from((0.0, 0.3, 0.9, 1.0)),
+    seed=st.integers(0, 1000),
+)
+def test_returns_are_those_of_the_definition(story, gamma, decay, seed):
+    numbers = learner(gamma=gamma, return_lambda=decay, alpha_visits=2.0, alpha_min=0.05)
+    values = np.random.default_rng(seed).normal(size=(STATES, ACTIONS))
+    visits = np.zeros((STATES, ACTIONS), np.int64)
+    expected, counted = values.tolist(), visits.tolist()
+    for decisions, last in story:
+        fast(numbers, values, visits, decisions, last)
+        slowly(numbers, expected, counted, decisions, last)
+    np.testing.assert_allclose(values, expected, rtol=1e-9, atol=1e-12)
+    assert visits.tolist() == counted
+
+
+def one_trial(decisions, last, *, decay, gamma=0.9, start=0.0):
+    """Return the values after one trial with a learning rate of 1, all values ``start`` before."""
+    values = np.full((STATES, ACTIONS), start)
+    numbers = learner(gamma=gamma, return_lambda=decay, alpha=1.0)
+    fast(numbers, values, np.zeros((STATES, ACTIONS), np.int64), decisions, last)
+    return values
+
+
+def test_with_lambda_1_a_return_is_the_discounted_sum_of_all_rewards():
+    decisions = [(0, 0, 0.0, 5), (1, 1, -0.3, 2), (2, 2, 1.0, 7)]
+    values = one_trial(decisions, -1, decay=1.0)
+    assert values[2, 2] == pytest.approx(1.0)
+    assert values[1, 1] == pytest.approx(-0.3 + 0.9**2)
+    assert values[0, 0] == pytest.approx(0.9**5 * (-0.3 + 0.9**2))
+
+
+def test_with_lambda_0_a_return_is_one_step_of_q_learning():
+    decisions = [(0, 0, 0.0, 5), (1, 1, 0.2, 2)]
+    values = one_trial(decisions, 3, decay=0.0, start=0.5)
+    assert values[1, 1] == pytest.approx(0.2 + 0.9**2 * 0.5)
+    # The next state's best value, which may be that of an action that was not taken.
+    assert values[0, 0] == pytest.approx(0.9**5 * max(0.5, 0.2 + 0.9**2 * 0.5))
+
+
+@pytest.mark.parametrize("decay", [0.0, 0.5, 1.0])
+def test_time_running_out_is_no_end_but_an_end_is(decay):
+    decisions = [(0, 0, 0.0, 10)]
+    assert one_trial(decisions, 4, decay=decay, start=2.0)[0, 0] == pytest.approx(0.9**10 * 2.0)
+    assert one_trial(decisions, -1, decay=decay, start=2.0)[0, 0] == 0.0
+
+
+def test_the_learning_rate_falls_with_visits_to_its_least():
+    numbers = learner(alpha=0.4, alpha_visits=10.0, alpha_min=0.05)
+    values, visits, expected = np.zeros((1, 1)), np.zeros((1, 1), np.int64), 0.0
+    for visit in range(100):
+        fast(numbers, values, visits, [(0, 0, 1.0, 1)], -1)
+        expected += max(0.05, 0.4 / (1.0 + visit / 10.0)) * (1.0 - expected)
+        assert values[0, 0] == pytest.approx(expected)
+    assert visits[0, 0] == 100
+
+
+# ----------------------------------------------------------------------------------------------------- how trials end
+
+
+def verdict(
+    name, *, ball=(4.0, 2.0), robot=(3.0, 2.0), gaps=(1.0, 1.0), robots_apart=1.0, sees_ball=False, touched=-1, time=100
+):
+    """Return how a trial stands in a situation, and when the learner touched the ball last."""
+    recipe = read_recipe(name)
+    robots = task_params(recipe).robots
+    state, memory = np.zeros((robots + 1, 6)), _memory(recipe, robots)
+    state[-1, :2], state[0, :2] = ball, robot
+    memory.areas[0, BALL] = 5.0 if sees_ball else 0.0
+    last = np.array([touched])
+    between = np.full((robots, robots), robots_apart)
+    found = judge(
+        task_params(recipe), physics_params(recipe.world), state, memory, np.array(gaps[:robots]), between, last, time
+    )
+    return found, int(last[0])
+
+
+def _memory(recipe, robots):
+    blank = learning._provisional(recipe)
+    return make_memory(make_bank([blank], drive=blank.drive, actions=blank.actions), [-1] * robots)
+
+
+LINE = read_recipe("shoot").world.field.length_m
+
+
+def test_shooting_ends_with_a_goal_and_a_goal_comes_before_all_else():
+    assert verdict("shoot")[0] == GOING
+    assert verdict("shoot", ball=(LINE, 2.0))[0] == GOING  # on the line
+    assert verdict("shoot", ball=(LINE + 1e-6, 2.0))[0] == SUCCESS
+    assert verdict("shoot", ball=(LINE + 0.1, 2.0), robot=(LINE + 0.01, 2.0))[0] == SUCCESS  # it may follow the ball
+    assert verdict("shoot", robot=(LINE + 0.01, 2.0))[0] == FAILURE
+    assert verdict("shoot", robot=(-0.01, 2.0))[0] == FAILURE
+    assert verdict("shoot", ball=(-1e-6, 2.0))[0] == FAILURE
+    assert verdict("shoot", sees_ball=True)[0] == GOING
+
+
+def test_passing_ends_when_the_mate_touches_the_ball_soon_after_the_learner():
+    assert verdict("pass", gaps=(0.0, 1.0), time=7) == (GOING, 7)
+    assert verdict("pass", gaps=(1.0, 0.0), touched=-1)[0] == GOING  # the mate alone
+    assert verdict("pass", gaps=(1.0, 0.0), touched=10, time=100)[0] == SUCCESS
+    assert verdict("pass", gaps=(1.0, 0.0), touched=9, time=100)[0] == GOING
+    assert verdict("pass", gaps=(1.0, 0.005), touched=99)[0] == GOING
+    assert verdict("pass", robots_apart=0.004)[0] == COLLISION
+    assert verdict("pass", robots_apart=0.005)[0] == GOING
+    assert verdict("pass", ball=(LINE + 0.1, 2.0))[0] == FAILURE
+
+
+def test_avoiding_ends_with_a_collision_only():
+    assert verdict("avoid", robots_apart=0.004)[0] == COLLISION
+    assert verdict("avoid", robots_apart=0.005)[0] == GOING
+    assert verdict("avoid", ball=(LINE + 0.1, 2.0), robot=(-0.1, 2.0), gaps=(0.0, 0.0), sees_ball=True)[0] == GOING
+
+
+def test_searching_ends_when_the_ball_is_seen():
+    assert verdict("search")[0] == GOING
+    assert verdict("search", sees_ball=True)[0] == SUCCESS
+
+
+# ---------------------------------------------------------------------------------------------------------- experience
+
+
+def test_experience_is_whole_stretches_in_view():
+    recipe = changed(read_recipe("pass"), experience=ExperienceSettings(windows=800))
+    found = experience(recipe, 1)
+    assert set(found) == {"ball", "mate"}
+    codes = {(v, w) for v in (-1.0, 0.0, 1.0) for w in (-1.0, 0.0, 1.0)}
+    for kind, stretches in found.items():
+        assert sum(len(actions) for actions, _ in stretches) >= 800
+        for actions, seen in stretches:
+            assert len(actions) == len(seen) > 0
+            assert seen.shape[1] == OBJECT_KINDS[kind]
+            assert {tuple(action) for action in actions.tolist()} <= codes
+            assert seen[:, -1].min() >= 1.0  # an area of a pixel or more: it was in view
+        changes = [
+            np.any(np.diff(actions, axis=0) != 0.0, axis=1).mean() for actions, _ in stretches if len(actions) > 30
+        ]
+        assert np.mean(changes) < 0.25  # actions are held
+    again = experience(recipe, 1)
+    assert all(np.array_equal(a[1], b[1]) for a, b in zip(found["ball"], again["ball"], strict=True))
+    other = experience(recipe, 2)
+    assert not np.array_equal(found["ball"][0][1], other["ball"][0][1])
+
+
+def test_a_recipe_whose_objects_are_never_seen_is_refused():
+    blind = msgspec.structs.replace(read_recipe("search").world.camera, tilt_deg=-50.0, vertical_view_deg=10.0)
+    recipe = read_recipe("shoot")
+    recipe = changed(recipe, world=msgspec.structs.replace(recipe.world, camera=blind))
+    with pytest.raises(InputError, match=r"hardly ever come into view|no start was found"):
+        learn(recipe, trials=10)
+
+
+# ------------------------------------------------------------------------------------------------------------- learning
+
+
+def test_learning_is_its_seed():
+    recipe = short("search", 250)
+    one, two, other = learn(recipe, seed=4), learn(recipe, seed=4), learn(recipe, seed=5)
+    assert one.digest == two.digest
+    assert one.about == two.about
+    assert one.digest != other.digest
+    assert not np.array_equal(one.objects[0].memory_matrix, other.objects[0].memory_matrix)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_each_task_can_be_learned_and_says_how(name):
+    recipe, told = short(name, 500), []
+    skill = learn(recipe, report=lambda done, total, share: told.append((done, total, share)))
+    assert [(done, total) for done, total, _ in told] == [(250, 500), (500, 500)]
+    assert all(0.0 <= share <= 1.0 for _, _, share in told)
+    assert skill.name == name
+    assert skill.actions == 9
+    assert [model.kind for model in skill.objects] == [model.kind for model in recipe.objects]
+    assert (skill.min_steps, skill.max_steps) == (recipe.action.min_steps, recipe.action.max_steps)
+    assert np.isfinite(skill.values).all()
+    assert 0 < np.count_nonzero(skill.values.any(axis=1)) <= skill.about["states_visited"] <= len(skill.values)
+    assert (skill.about["seed"], skill.about["trials"]) == (recipe.seed, 500)
+    assert check(Recipe, skill.about["recipe"], "about") == recipe
+    assert skill.about["recipe_digest"] == hashlib.sha256(msgspec.json.encode(recipe)).hexdigest()
+
+
+def test_the_other_drive_can_be_learned():
+    recipe = short("shoot", 250)
+    robot = msgspec.structs.replace(recipe.world.robot, drive="4ws")
+    recipe = changed(recipe, world=msgspec.structs.replace(recipe.world, robot=robot))
+    skill = learn(recipe)
+    assert (skill.drive, skill.actions) == ("4ws", 7)
+    assert len(evaluate(recipe, skill, games=20, seed=1).steps) == 20
+
+
+def learned_and_random(name, trials, games):
+    """Return what a short learning comes to, and what random actions do, from the same starts."""
+    recipe = short(name, trials)
+    recipe = changed(recipe, learning=msgspec.structs.replace(recipe.learning, check_every=500, check_games=50))
+    mover = MoverSettings(kind="random") if name == "avoid" else None
+    return [evaluate(recipe, skill, games=games, seed=11, mover=mover) for skill in (learn(recipe), None)]
+
+
+@pytest.mark.parametrize(("name", "trials"), [("shoot", 3000), ("avoid", 1500)])
+def test_a_short_learning_beats_random_actions_clearly(name, trials):
+    found = learned_and_random(name, trials, 300)
+    counts = [[int(one.success.sum()), int((~one.success).sum())] for one in found]
+    assert stats.fisher_exact(counts, alternative="greater").pvalue < 1e-6, counts
+
+
+def test_a_short_learning_to_search_is_quicker_than_random_actions():
+    # Random actions find the ball in 10 s nearly always, too: it is the time that tells.
+    learned, random = learned_and_random("search", 500, 300)
+    assert stats.mannwhitneyu(learned.steps, random.steps, alternative="less").pvalue < 1e-6
+    assert learned.success_rate > 0.95
+
+
+# ----------------------------------------------------------------------------------------------------------- evaluation
+
+
+def test_evaluation_is_its_seed_and_never_changes_the_skill():
+    recipe, skill = read_recipe("shoot"), load_skill("shoot")
+    before = skill.digest
+    one, two, other = (evaluate(recipe, skill, games=40, seed=seed) for seed in (3, 3, 4))
+    assert np.array_equal(one.steps, two.steps)
+    assert np.array_equal(one.outcomes, two.outcomes)
+    assert not np.array_equal(one.steps, other.steps)
+    first = evaluate(recipe, skill, games=10, seed=3)
+    assert np.array_equal(first.steps, one.steps[:10])  # a trial does not depend on how many there are
+    assert skill.digest == before
+
+
+def test_starts_of_evaluation_are_never_those_of_learning(monkeypatch):
+    drawn = {True: set(), False: set()}
+    run = learning.run_trials
+
+    def spy(scene, numbers, learns, *rest):
+        drawn[learns].update(rest[3].tolist())
+        return run(scene, numbers, learns, *rest)
+
+    monkeypatch.setattr(learning, "run_trials", spy)
+    recipe = short("search", 500)
+    skill = learn(recipe, seed=6)
+    checks = set(drawn[False])
+    assert len(drawn[True]) == 500
+    assert checks  # the table that is kept is chosen by these
+    drawn[False].clear()
+    evaluate(recipe, skill, games=300, seed=6)
+    assert len(drawn[False]) == 300
+    assert drawn[False].isdisjoint(drawn[True])
+    assert drawn[False].isdisjoint(checks)
+    assert checks.isdisjoint(drawn[True])
+
+
+def test_success_is_what_each_task_calls_so():
+    for name in TASKS:
+        found = evaluate(read_recipe(name), None, games=60, seed=2)
+        if name == "avoid":
+            assert np.array_equal(found.success, found.outcomes != COLLISION)
+            assert set(found.outcomes.tolist()) <= {GOING, COLLISION}
+        else:
+            assert np.array_equal(found.success, found.outcomes == SUCCESS)
+        limit = read_recipe(name).time_limit_steps
+        assert np.all(found.steps[found.outcomes == GOING] == limit)
+        assert found.steps.max() <= limit
+        assert found.success_rate == np.mean(found.success)
+        assert found.collision_rate == np.mean(found.outcomes == COLLISION)
+
+
+def test_success_is_measured_as_promised():
+    assert read_recipe("shoot").time_limit_steps == read_recipe("pass").time_limit_steps == 900  # 30 s
+    assert read_recipe("avoid").time_limit_steps == read_recipe("search").time_limit_steps == 300  # 10 s
+
+
+def test_a_skill_for_something_else_is_refused():
+    with pytest.raises(InputError, match="'search' looks at ball; the task avoid needs robot"):
+        evaluate(read_recipe("avoid"), load_skill("search"), games=5, seed=1)
+
+
+@given(st.integers(1, 3000), st.floats(0.0, 1.0))
+def test_the_wilson_interval_is_that_of_statsmodels(count, share):
+    successes = round(share * count)
+    low, high = wilson_interval(successes, count)
+    expected = proportion_confint(successes, count, alpha=0.05, method="wilson")
+    assert (low, high) == pytest.approx(expected, abs=1e-12)
+    assert 0.0 <= low <= successes / count + 1e-12
+    assert successes / count - 1e-12 <= high <= 1.0
+
+
+# ----------------------------------------------------------------------------------------------------- installed skills
+
+
+@pytest.fixture(scope="module")
+def cards():
+    return {name: read_card(name) for name in TASKS}
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_the_card_of_an_installed_skill_is_that_of_its_file(cards, name):
+    card, skill = cards[name], load_skill(name)
+    assert card["digest"] == skill.digest
+    assert card["name"] == skill.name == name
+    assert card["drive"] == skill.drive == "pws"
+    assert card["states"] == len(skill.values)
+    assert card["orders"] == {model.kind: model.order for model in skill.objects}
+    assert card["history_lengths"] == {model.kind: model.history_length for model in skill.objects}
+    assert card["learned_with"] == {"seed": skill.about["seed"], "trials": skill.about["trials"]}
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_an_installed_skill_was_learned_by_the_recipe_beside_it(name):
+    skill, recipe = load_skill(name), read_recipe(name)
+    assert check(Recipe, skill.about["recipe"], "about") == recipe
+    assert skill.about["recipe_digest"] == hashlib.sha256(msgspec.json.encode(recipe)).hexdigest()
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_a_card_says_what_its_counts_say(cards, name):
+    for data in [*cards[name]["measured"].values(), cards[name]["random_actions"]]:
+        successes = data["success_rate"] * data["games"]
+        assert successes == pytest.approx(round(successes))
+        assert data["ci95"] == pytest.approx(wilson_interval(round(successes), data["games"]))
+        assert data["games"] >= 1000
+    starts = ["in-view"] if name in ("avoid", "search") else ["in-view", "anywhere"]
+    assert list(cards[name]["measured"]) == starts
+
+
+@pytest.mark.parametrize(
+    ("name", "starts"),
+    [
+        ("shoot", "in-view"),
+        ("shoot", "anywhere"),
+        ("pass", "in-view"),
+        ("pass", "anywhere"),
+        ("avoid", "in-view"),
+        ("search", "in-view"),
+    ],
+)
+def test_a_card_can_be_measured_again(cards, name, starts):
+    data, games = cards[name]["measured"][starts], 200
+    recipe, skill = read_recipe(name), load_skill(name)
+    found = measure(recipe, skill, games=games, seed=77, starts=starts)
+    counts = [
+        [round(one["success_rate"] * one["games"]), round((1.0 - one["success_rate"]) * one["games"])]
+        for one in (data, found)
+    ]
+    assert stats.fisher_exact(counts).pvalue > 0.001, counts  # other starts, the same share
+    if "collision_rate_chaser" in data:
+        both = [round(data["collision_rate_chaser"] * data["games"]), round(found["collision_rate_chaser"] * games)]
+        assert stats.fisher_exact([[both[0], data["games"] - both[0]], [both[1], games - both[1]]]).pvalue > 0.001
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_an_installed_skill_is_better_than_random_actions(cards, name):
+    card = cards[name]
+    margin = 0.0 if name == "search" else 0.2  # random actions find the ball nearly always, in 10 s
+    assert card["measured"]["in-view"]["ci95"][0] > card["random_actions"]["ci95"][1] + margin
+
+
+def test_a_card_is_made_of_measurements():
+    recipe, skill = read_recipe("search"), load_skill("search")
+    card = make_card(recipe, skill, games=50, seed=9)
+    found = evaluate(recipe, skill, games=50, seed=9, starts="in-view")
+    assert card["measured"]["in-view"]["success_rate"] == found.success_rate
+    assert card["measured"]["in-view"]["mean_steps"] == pytest.approx(found.steps.mean())
+    assert card["digest"] == skill.digest
+    blind = dataclasses.replace(skill, values=np.zeros_like(skill.values))  # always the first action
+    worse = make_card(recipe, blind, games=50, seed=9)
+    assert worse["digest"] != card["digest"]
+    assert math.isclose(worse["random_actions"]["success_rate"], card["random_actions"]["success_rate"])

@@ -1,0 +1,288 @@
+"""Machine code is kept apart for every version of the sources: nobody ever runs stale code."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import pkgutil
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from numba.core.registry import CPUDispatcher
+
+import behaviors
+import coevo
+from coevo import compiled
+from coevo.compiled import borrowed, cache_folder, entry, helper, is_compiled
+
+ROOT = Path(coevo.__file__).parents[1]
+PACKAGES = ("coevo", "behaviors")
+
+
+@pytest.fixture
+def sources(tmp_path, monkeypatch):
+    """Return a copy of the sources that cache folders are made for, while the test lasts."""
+    for package in PACKAGES:
+        shutil.copytree(
+            ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__", "*.npz", "*.pyc")
+        )
+    monkeypatch.setattr(compiled, "_PACKAGES", tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def own_cache(tmp_path, monkeypatch):
+    """Return an empty folder that kernels made in this test keep their code in."""
+    folder = tmp_path / "cache"
+    monkeypatch.setattr(compiled, "cache_folder", lambda: folder)
+    return folder
+
+
+def folder_now():
+    """Return the cache folder as a new process would find it."""
+    return cache_folder.__wrapped__()
+
+
+def append(path, text="\n# another line\n"):
+    path.write_text(path.read_text(encoding="utf-8") + text, encoding="utf-8")
+
+
+# ------------------------------------------------------------------------------------------------------------- digests
+
+
+def test_the_folder_is_that_of_these_sources(sources):
+    assert sources != ROOT
+    assert folder_now() == folder_now() == cache_folder()
+
+
+@pytest.mark.parametrize(
+    "kernel",
+    [
+        "coevo/soccer/rng.py",
+        "coevo/soccer/physics.py",
+        "coevo/soccer/camera.py",
+        "coevo/skill/estimate.py",
+        "coevo/skill/model.py",
+        "coevo/tree/program.py",
+        "coevo/game.py",
+        "coevo/compiled.py",
+        "behaviors/trials.py",
+        "behaviors/task.py",
+    ],
+)
+def test_an_edit_of_a_kernels_source_changes_the_folder_and_taking_it_back_restores_it(sources, kernel):
+    before, text = folder_now(), (sources / kernel).read_bytes()
+    append(sources / kernel)
+    assert folder_now() != before
+    (sources / kernel).write_bytes(text)
+    assert folder_now() == before
+
+
+def test_new_and_removed_kernels_change_the_folder(sources):
+    before = folder_now()
+    (sources / "coevo" / "soccer" / "wind.py").write_text("SPEED = 1\n", encoding="utf-8")
+    with_wind = folder_now()
+    assert with_wind != before
+    (sources / "coevo" / "soccer" / "wind.py").rename(sources / "coevo" / "soccer" / "gale.py")
+    assert folder_now() not in (before, with_wind)
+    (sources / "behaviors" / "extra.py").write_text("from coevo.compiled import helper\n", encoding="utf-8")
+    assert folder_now() != with_wind
+    (sources / "behaviors" / "extra.py").unlink()
+    (sources / "coevo" / "soccer" / "gale.py").unlink()
+    assert folder_now() == before
+
+
+@pytest.mark.parametrize("other", ["coevo/cli/__init__.py", "coevo/run.py", "behaviors/commands.py"])
+def test_an_edit_of_what_is_not_compiled_keeps_the_folder(sources, other):
+    before = folder_now()
+    append(sources / other)
+    assert folder_now() == before
+
+
+@pytest.mark.parametrize("library", ["numba", "llvmlite", "numpy", "pymunk"])
+def test_another_version_of_a_library_changes_the_folder(monkeypatch, library):
+    before, version = folder_now(), compiled.version
+    monkeypatch.setattr(compiled, "version", lambda name: "0.0" if name == library else version(name))
+    assert folder_now() != before
+
+
+def test_another_kind_of_processor_changes_the_folder(monkeypatch):
+    before = folder_now()
+    monkeypatch.setattr(compiled.llvmlite.binding, "get_host_cpu_name", lambda: "abacus")
+    assert folder_now() != before
+
+
+def test_the_user_says_where_caches_go(monkeypatch, tmp_path):
+    name = folder_now().name
+    monkeypatch.setenv("COEVO_CACHE_DIR", str(tmp_path))
+    assert folder_now() == tmp_path / name
+    monkeypatch.delenv("COEVO_CACHE_DIR")
+    assert folder_now().name == name
+    assert folder_now().is_absolute()
+
+
+def test_every_compiled_function_of_the_packages_stands_in_a_source_of_the_digest():
+    sources, found = set(compiled._kernel_sources()), 0
+    for package in (coevo, behaviors):
+        for info in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+            if info.name.rpartition(".")[2] == "__main__":
+                continue
+            for thing in vars(importlib.import_module(info.name)).values():
+                if isinstance(thing, CPUDispatcher):
+                    found += 1
+                    assert Path(thing.py_func.__code__.co_filename) in sources, (info.name, thing)
+    assert found > 50
+
+
+def test_constants_of_compiled_functions_stand_in_a_source_of_the_digest():
+    # A number that a kernel takes from another module is frozen into its machine code.
+    sources = {path.resolve() for path in compiled._kernel_sources()}
+    checked = 0
+    for path in sources:
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        module = importlib.import_module(name)
+        kernels = [thing.py_func for thing in vars(module).values() if isinstance(thing, CPUDispatcher)]
+        used = {word for kernel in kernels for word in kernel.__code__.co_names}
+        tree = path.read_text(encoding="utf-8")
+        for word in used & vars(module).keys():
+            value = getattr(module, word)
+            if not isinstance(value, bool | int | float | tuple) or isinstance(value, type):
+                continue
+            homes = [
+                other for other in sys.modules.values() if getattr(other, "__file__", None) and _defines(other, word)
+            ]
+            checked += 1
+            assert f"\n{word}" in tree or any(Path(home.__file__).resolve() in sources for home in homes), word
+    assert checked > 10
+
+
+def _defines(module, word):
+    """Tell whether a module of the packages assigns a name itself."""
+    path = Path(module.__file__)
+    if ROOT not in path.parents or path.suffix != ".py" or ".venv" in path.parts or word not in vars(module):
+        return False
+    return any(
+        line.split("=")[0].replace(" ", "").split(":")[0].split(",").count(word) > 0
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if "=" in line and not line.startswith((" ", "#"))
+    )
+
+
+@pytest.mark.slow
+def test_an_edit_of_a_helper_is_never_answered_by_old_machine_code(sources):
+    # numba's own cache looks at the file of the entry alone; here the helper's file is what changes.
+    (sources / "coevo" / "soccer" / "probe.py").write_text(
+        textwrap.dedent("""
+        from coevo.compiled import entry
+        from coevo.soccer.rng import uniform
+
+        @entry
+        def first(rng):
+            return uniform(rng)
+        """),
+        encoding="utf-8",
+    )
+    code = (
+        "import numpy as np; from coevo.compiled import is_compiled; from coevo.soccer.probe import first;"
+        "known = is_compiled(first); print(known, first(np.array([1234567], np.uint64)))"
+    )
+    environment = {**os.environ, "COEVO_CACHE_DIR": str(sources / "cache"), "PYTHONPATH": str(sources)}
+
+    def run():
+        command = [sys.executable, "-c", code]
+        done = subprocess.run(  # noqa: S603 - our own code
+            command, cwd=sources, env=environment, check=True, capture_output=True, text=True
+        )
+        known, value = done.stdout.split()
+        return known == "True", float(value)
+
+    expected = (6457827717110365317 >> 11) / 2.0**53
+    assert run() == (False, expected)
+    assert run() == (True, expected)  # from the disk
+    path = sources / "coevo" / "soccer" / "rng.py"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("(1.0 / 9007199254740992.0)", "(0.5 / 9007199254740992.0)"), encoding="utf-8")
+    assert run() == (False, 0.5 * expected)
+
+
+# ------------------------------------------------------------------------------------------------------------- entries
+
+
+def double(values):
+    for i in range(values.shape[0]):
+        values[i] *= 2.0
+
+
+def test_the_users_own_cache_folder_of_numba_is_left_alone(monkeypatch, tmp_path, own_cache):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "theirs"))
+    kernel = entry(double)
+    assert str(tmp_path / "theirs") == numba.config.CACHE_DIR
+    values = np.ones(3)
+    kernel(values)
+    assert values.tolist() == [2.0] * 3
+    assert not (tmp_path / "theirs").exists()
+    assert list(own_cache.rglob("*.nbi"))
+
+
+def test_the_users_own_cache_folder_is_restored_after_a_failure_too(monkeypatch, own_cache):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "theirs")
+    with pytest.raises(AttributeError):
+        entry(None)
+    assert numba.config.CACHE_DIR == "theirs"
+    assert not own_cache.exists()
+
+
+def test_is_compiled_tells_whether_a_first_call_will_be_quick(own_cache):
+    kernel = entry(double)
+    assert not is_compiled(kernel)
+    kernel(np.ones(3))
+    assert is_compiled(kernel)
+    again = entry(double)  # as in a new process: nothing in memory yet
+    assert not again.signatures
+    assert is_compiled(again)
+    again(np.ones(3))
+    assert again.stats.cache_hits
+    shutil.rmtree(own_cache)
+    assert not is_compiled(entry(double))
+
+
+def test_a_name_that_only_begins_alike_is_not_taken_for_compiled(own_cache):
+    entry(double)(np.ones(3))
+
+    def doub(values):
+        values[0] = 0.0
+
+    doub.__qualname__ = "doub"
+    assert own_cache.exists()
+    assert not is_compiled(entry(doub))
+
+
+def test_helpers_do_exact_arithmetic_and_divide_as_numpy_does():
+    @helper
+    def parts(a, b):
+        return (a + b) - a, a / (b - b)
+
+    exact, infinite = parts(1e16, 1.0)
+    assert exact == (1e16 + 1.0) - 1e16  # not rearranged to b
+    assert infinite == np.inf
+
+
+def test_borrowed_arrays_are_the_same_memory(own_cache):
+    @entry
+    def fill(pair, value):
+        one, two = borrowed(pair)
+        one[0] = value
+        two[1, 0] = value
+
+    arrays = np.zeros(2), np.zeros((2, 2))
+    fill(arrays, 3.0)
+    assert own_cache.exists()
+    assert arrays[0].tolist() == [3.0, 0.0]
+    assert arrays[1].tolist() == [[0.0, 0.0], [3.0, 0.0]]
+    assert all(sys.getrefcount(array) < 10 for array in arrays)

@@ -23,17 +23,18 @@ from coevo.tree import from_codes, function_set, parse
 __all__ = ["main"]
 
 _SHOOTER = "IF_ball_is_lost(search, shoot)"
-_PASSER = "IF_ball_is_lost(search, IF_r1_is_lost(shoot, pass))"
-_GIVER = "IF_ball_is_lost(search, pass)"
-_WAITER = "IF_ball_is_large(shoot, IF_ball_is_medium(shoot, search))"
+_PASSER = "IF_ball_is_lost(search, pass)"
+_ONCE = "IF_ball_is_lost(search, IF_ball_is_small(search, pass))"  # gives the ball away and stays back
+_SHY = "IF_ball_is_lost(search, IF_r1_is_large(avoid, pass))"  # makes room for r1
+_WAITER = "IF_ball_is_lost(search, IF_ball_is_small(search, shoot))"  # lets the ball come
 _TEAMS = {
     "both shoot": (_SHOOTER, _SHOOTER),
     "r0 shoots, r1 searches": (_SHOOTER, "search"),
     "r1 shoots, r0 searches": ("search", _SHOOTER),
     "r0 passes, r1 shoots": (_PASSER, _SHOOTER),
-    "r0 always passes, r1 shoots": (_GIVER, _SHOOTER),
-    "r0 passes, r1 waits for the ball": (_PASSER, _WAITER),
-    "both search": ("search", "search"),
+    "r0 passes once, r1 shoots": (_ONCE, _SHOOTER),
+    "r0 passes and makes room, r1 shoots": (_SHY, _SHOOTER),
+    "r0 passes once, r1 waits": (_ONCE, _WAITER),
 }
 
 

@@ -360,7 +360,7 @@ def test_actuator_noise_has_its_deviation():
     settings = settings_of("two-learners", "world.robot.actuator_noise=0.05", "world.robot.max_acceleration_mps2=1e5")
     arena, commands = Arena(settings), []
     team = programs(settings, the_same_tree(settings, HAND_TYPED))
-    for seed in seeds_of(19, count=6):
+    for seed in seeds_of(19, count=30):
         outcome, trace = arena.trace(team, seed)
         if outcome.collisions.any():
             continue

@@ -59,8 +59,8 @@ def kill_at(monkeypatch):
 def killed_run(small_settings, go_on, tmp_path, kill_at, monkeypatch):
     """Return a function that makes the small run and kills it at a write."""
 
-    def make(number, moment="renamed", **settings):
-        run = create_run(tmp_path / "killed", small_settings(**settings))
+    def make(number, moment="renamed"):
+        run = create_run(tmp_path / "killed", small_settings())
         kill_at(run.path, number, moment)
         with pytest.raises(Killed):
             go_on(run)
@@ -361,7 +361,7 @@ def test_the_checkpoint_of_another_run_is_refused(copied_run, small_settings, go
     assert "belongs to another run: its settings are not those of config.toml" in refused(copied_run)
 
 
-def rewritten(run, **changed):
+def rewritten(run, changed):
     """Write the checkpoint with other arrays, and a digest that is right for them."""
     path = run.path / "checkpoint.npz"
     with np.load(path) as archive:
@@ -372,12 +372,12 @@ def rewritten(run, **changed):
 
 
 def test_a_checkpoint_of_another_format_is_refused(copied_run):
-    rewritten(copied_run, format=np.array([99]))
+    rewritten(copied_run, {"format": np.array([99])})
     assert "has format 99, this version reads 1" in refused(copied_run)
 
 
 def test_a_checkpoint_that_lacks_something_is_refused(copied_run):
-    rewritten(copied_run, codes_1=None)
+    rewritten(copied_run, {"codes_1": None})
     assert "is damaged" in refused(copied_run)
 
 

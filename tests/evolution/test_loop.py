@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import random
+import threading
 
 import numpy as np
 import pandas as pd
@@ -140,7 +141,7 @@ def test_counts_are_those_of_single_games_played_again_alone(run):
 def test_the_eventful_run_has_everything_that_is_counted(eventful_run):
     table = read(eventful_run)
     for name in COUNTS:
-        assert table[name].nunique() > 1, name
+        assert table[name].min() < table[name].max(), name
     mates = table[table.robot == "r0"].set_index(["generation", "group"]).sort_index()
     others = table[table.robot == "r2"].set_index(["generation", "group"]).sort_index()
     assert mates["goals"].tolist() == others["lost"].tolist()
@@ -244,6 +245,21 @@ def test_outcomes_come_in_the_order_of_the_groups(small_settings):
         alone = arena.play(team, group_seeds(settings.seed, 5, group, settings.evaluation.games))
         for name in ("steps", "scorer", "kicks", "collisions", "passes", "skill_steps"):
             assert np.array_equal(getattr(outcome, name), getattr(alone, name)), name
+
+
+@pytest.mark.xfail(strict=True, reason="joblib tells its threads to end and does not wait for it")
+def test_workers_end_with_their_evaluator_even_if_it_is_left_early(small_settings):
+    """A thread that is still in a world, or frees it, while Python ends makes Chipmunk abort the process."""
+    settings = small_settings("evaluation.games=2000", "gp.population=3")
+    alone = compile_program(np.array([35], np.uint8), function_set(0, 3))
+    before = set(threading.enumerate())
+    with pytest.raises(KeyboardInterrupt), Evaluator(settings, workers=2, backend="threads") as evaluator:  # noqa: PT012
+        next(evaluator.play(0, [[alone] * 3] * 3))
+        raise KeyboardInterrupt
+    left = set(threading.enumerate()) - before
+    for thread in left:
+        thread.join()
+    assert left == set()
 
 
 def test_an_unknown_backend_is_refused():

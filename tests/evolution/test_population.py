@@ -27,7 +27,7 @@ def individual(tree, fitness=0.0):
     return parent
 
 
-def only(operator, **settings):
+def only(operator, **settings):  # noqa: ANN003 - those of GPSettings
     """Return settings in which one operator does everything, and nobody survives as it is."""
     shares = dict.fromkeys(("crossover", "reproduction", "mutation"), 0.0)
     return GPSettings(**{**shares, operator: 1.0, "elite": 0, **settings})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -91,7 +92,7 @@ def test_boxes_of_one_row_of_an_svg_do_not_overlap(tree):
             rows.setdefault(box.get("y"), []).append((float(box.get("x")), float(box.get("width"))))
     for row in rows.values():
         row.sort()
-        for (x, width), (following, _) in zip(row, row[1:], strict=False):
+        for (x, width), (following, _) in pairwise(row):
             assert x + width <= following + 0.2  # coordinates are rounded to tenths
 
 

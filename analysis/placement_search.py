@@ -91,16 +91,16 @@ def main(*, recipe: str, candidates: int, games: int, seed: int, opponent: str |
     rows = []
     for _, _, _, data in sorted(found, key=lambda item: -item[0])[:8]:
         arena = Arena(check(RunSettings, data, recipe))
-        alone = [_goals(arena, team, opponent, 10 * games, seed + 1) for team in _ALONE]
-        passing = [_goals(arena, team, opponent, 10 * games, seed + 1) for team in _PASSING]
+        single = [_goals(arena, team, opponent, 10 * games, seed + 1) for team in _ALONE]
+        together = [_goals(arena, team, opponent, 10 * games, seed + 1) for team in _PASSING]
         where = [data["game"]["ball_start"], *(player["start"] for player in data["players"][:2])]
         places = [f"x {np.mean(w['x_m']):.1f} y {np.mean(w['y_m']):.1f} {w.get('facing', '')}" for w in where]
         rows.append(
             [
                 *places,
                 str(data["game"]["time_limit_steps"]),
-                " ".join(f"{goals:.1f}" for goals in alone),
-                " ".join(f"{goals:.1f}" for goals in passing),
+                " ".join(f"{goals:.1f}" for goals in single),
+                " ".join(f"{goals:.1f}" for goals in together),
             ]
         )
     header = ["ball", "r0", "r1", "steps", "r0 / r1 / both shoot", "pass / once / and wait"]

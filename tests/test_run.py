@@ -415,7 +415,7 @@ def test_a_run_does_not_go_on_with_other_settings_than_it_began_with(killed_run,
     killed = killed_run(5)
     path = killed.path / "config.toml"
     path.write_text(path.read_text().replace("tournament = 2", "tournament = 3"))
-    with pytest.raises(InputError, match="its settings are not those of config.toml"):
+    with pytest.raises(InputError, match=r"its settings are not those of config\.toml"):
         go_on(open_run(killed.path))
 
 

@@ -24,17 +24,15 @@ __all__ = ["main"]
 
 _SHOOTER = "IF_ball_is_lost(search, shoot)"
 _PASSER = "IF_ball_is_lost(search, pass)"
-_ONCE = "IF_ball_is_lost(search, IF_ball_is_small(search, pass))"  # gives the ball away and stays back
-_SHY = "IF_ball_is_lost(search, IF_r1_is_large(avoid, pass))"  # makes room for r1
-_WAITER = "IF_ball_is_lost(search, IF_ball_is_small(search, shoot))"  # lets the ball come
+_ONCE = "IF_ball_is_small(search, pass)"  # gives the ball away and stays back
 _TEAMS = {
-    "both shoot": (_SHOOTER, _SHOOTER),
-    "r0 shoots, r1 searches": (_SHOOTER, "search"),
-    "r1 shoots, r0 searches": ("search", _SHOOTER),
-    "r0 passes, r1 shoots": (_PASSER, _SHOOTER),
-    "r0 passes once, r1 shoots": (_ONCE, _SHOOTER),
-    "r0 passes and makes room, r1 shoots": (_SHY, _SHOOTER),
-    "r0 passes once, r1 waits": (_ONCE, _WAITER),
+    "r0 shoots": ("shoot", "search"),
+    "r1 shoots": ("search", "shoot"),
+    "both shoot": ("shoot", "shoot"),
+    "both search, then shoot": (_SHOOTER, _SHOOTER),
+    "r0 passes, r1 shoots": ("pass", "shoot"),
+    "both search, then r0 passes, r1 shoots": (_PASSER, _SHOOTER),
+    "r0 passes once, r1 shoots": (_ONCE, "shoot"),
 }
 
 

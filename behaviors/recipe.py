@@ -110,6 +110,11 @@ class Recipe(_Settings, frozen=True, kw_only=True):
             )
         if self.task in ("pass", "avoid") and self.mover.kind == "none":
             raise ValueError(f"the task {self.task!r} needs another robot: set mover.kind")
+        if self.task != "pass" and any(model.kind == "mate" for model in self.objects) and self.mover.kind != "none":
+            raise ValueError("objects: only the task 'pass' has a mate; look at 'robot' instead")
+        others = [model.kind for model in self.objects if model.kind in ("mate", "robot")]
+        if others and self.mover.kind == "none":
+            raise ValueError(f"objects: {others[0]!r} is another robot, but there is none: set mover.kind")
 
 
 def installed_recipes() -> list[str]:

@@ -12,10 +12,8 @@ import hashlib
 import importlib.metadata
 import io
 import json
-import os
 import platform
 import subprocess
-import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -28,6 +26,7 @@ from numpy.typing import NDArray
 
 from coevo.config import RunSettings, check, read_toml, to_toml
 from coevo.errors import InputError
+from coevo.files import DamagedFileError, pack_arrays, read_arrays, write_whole
 from coevo.tree import Tree, from_codes, function_set
 
 if TYPE_CHECKING:
@@ -98,24 +97,8 @@ def _writing(path: Path) -> Iterator[None]:
 
 
 def _write_whole(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all, even if the machine stops in between."""
-    partial = path.with_name(path.name + ".partial")
     with _writing(path):
-        try:
-            with partial.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            partial.replace(path)
-        except OSError:
-            partial.unlink(missing_ok=True)
-            raise
-
-
-def _npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    buffer = io.BytesIO()
-    np.savez(buffer, **{name: np.ascontiguousarray(array) for name, array in arrays.items()})  # type: ignore[arg-type]
-    return buffer.getvalue()
+        write_whole(path, data)
 
 
 def _digest(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.uint8]:
@@ -219,8 +202,7 @@ class Run:
             return None
         remedy = "delete it and resume again: it is made anew from individuals.parquet"
         try:
-            with np.load(path, allow_pickle=False) as archive:
-                arrays = {name: archive[name] for name in archive.files}
+            arrays = read_arrays(path)
             stored = arrays.pop("digest")
             if not np.array_equal(stored, _digest(arrays)):
                 raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
@@ -237,7 +219,7 @@ class Run:
             return Checkpoint(int(arrays["generation"][0]), populations)
         except InputError:
             raise
-        except (ValueError, KeyError, IndexError, EOFError, OSError, zipfile.BadZipFile) as error:
+        except (ValueError, KeyError, IndexError, OSError, DamagedFileError) as error:
             raise InputError(f"{path} is damaged ({error}); {remedy}") from None
 
     # ------------------------------------------------------------------------------------------------ writing
@@ -300,7 +282,7 @@ class Run:
             arrays[f"sizes_{robot}"] = np.array([len(tree) for tree in codes], np.int64)
             arrays[f"codes_{robot}"] = np.concatenate(codes)
         arrays["digest"] = _digest(arrays)
-        _write_whole(self.path / "checkpoint.npz", _npz(arrays))
+        _write_whole(self.path / "checkpoint.npz", pack_arrays(arrays))
 
     def lock(self) -> Callable[[], None]:
         """Keep other processes from writing into this run; return what lets go of it."""

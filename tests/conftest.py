@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import gc
 import itertools
 import tomllib
 from importlib.resources import files
@@ -80,8 +82,9 @@ def situations():
 
 @pytest.fixture(scope="session")
 def recipe():
-    """Return a function that reads a preset as plain data."""
-    return lambda name: tomllib.loads((PRESETS / f"{name}.toml").read_text(encoding="utf-8"))
+    """Return a function that gives a preset as plain data: all through a session the same."""
+    presets = {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in PRESETS.glob("*.toml")}
+    return lambda name: copy.deepcopy(presets[name])
 
 
 @pytest.fixture(scope="session")
@@ -121,3 +124,10 @@ def results_of():
         return {path.name: path.read_bytes() for path in [Path(folder) / "generations.csv", *parts]}
 
     return read
+
+
+@pytest.fixture
+def collected():
+    """Collect what a test left, before the next one has to answer for it."""
+    yield
+    gc.collect()

@@ -250,7 +250,8 @@ def test_a_wrong_recipe_is_named(content, parts, coevo, tmp_path):
         pytest.param(lambda data: data[: len(data) // 2], id="cut in half"),
     ],
 )
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # numpy leaves what it refuses open
+@pytest.mark.usefixtures("collected")
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # numpy leaves what it refuses open
 def test_a_damaged_skill_is_named(damage, coevo, tmp_path):
     path = tmp_path / "mine.npz"
     path.write_bytes(damage(skill_path("shoot").read_bytes()))
@@ -260,7 +261,8 @@ def test_a_damaged_skill_is_named(damage, coevo, tmp_path):
 
 
 @pytest.mark.xfail(strict=True, reason="zlib.error, NotImplementedError and RuntimeError of zipfile pass through")
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # numpy leaves what it refuses open
+@pytest.mark.usefixtures("collected")
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # numpy leaves what it refuses open
 def test_a_flipped_byte_of_a_skill_is_noticed_wherever_it_is(tmp_path):
     path = tmp_path / "mine.npz"
     data = skill_path("search").read_bytes()
@@ -310,7 +312,8 @@ def test_a_run_that_is_being_written_is_refused(coevo, copied_run):
     release()
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # numpy leaves what it refuses open
+@pytest.mark.usefixtures("collected")
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # numpy leaves what it refuses open
 def test_a_damaged_checkpoint_is_named(coevo, copied_run):
     cut_short(copied_run, 1)
     path = copied_run / "checkpoint.npz"

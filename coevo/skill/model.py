@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import importlib.resources
-import io
 import json
 import os
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.errors import InputError, nearest_name
+from coevo.files import DamagedFileError, pack_arrays, read_arrays, write_whole
 
 __all__ = [
     "OBJECT_KINDS",
@@ -97,7 +96,12 @@ class Skill:
         states = int(np.prod([model.states for model in self.objects]))
         if not self.objects or self.values.ndim != 2 or self.values.shape[0] != states:
             raise ValueError(f"values must have one row for each of {states} states, got shape {self.values.shape}")
+        numbers = [self.values, *(part for m in self.objects for part in (m.memory_matrix, m.past_mean, m.cell))]
+        if not all(np.isfinite(part).all() for part in numbers):
+            raise ValueError("values and models must be finite numbers")
         for model in self.objects:
+            if model.history_length < 1:
+                raise ValueError(f"history_length of {model.kind} must be at least 1, got {model.history_length}")
             if model.kind not in OBJECT_KINDS:
                 raise ValueError(f"object must be one of {', '.join(OBJECT_KINDS)}, got {model.kind!r}")
             past = model.history_length * (INPUTS + OBJECT_KINDS[model.kind])
@@ -152,15 +156,7 @@ class Skill:
         }
         for i, model in enumerate(self.objects):
             arrays[f"memory_matrix_{i}"], arrays[f"past_mean_{i}"] = model.memory_matrix, model.past_mean
-        partial = path.with_name(path.name + ".partial")
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, array in arrays.items():
-                entry = zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0))
-                entry.compress_type = zipfile.ZIP_DEFLATED
-                data = io.BytesIO()
-                np.lib.format.write_array(data, np.ascontiguousarray(array), allow_pickle=False)
-                archive.writestr(entry, data.getvalue())
-        partial.replace(path)
+        write_whole(path, pack_arrays(arrays))
 
 
 def load_skill(source: str | Path) -> Skill:
@@ -170,17 +166,15 @@ def load_skill(source: str | Path) -> Skill:
         InputError: no such skill or file, or it is damaged or of another kind.
     """
     path = skill_path(source)
+    damaged = f"{path} is not a skill file or is damaged ({{}}); learn it again with 'coevo learn'"
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_arrays(path)
     except FileNotFoundError:
         raise InputError(f"there is no skill file {path}") from None
     except OSError as error:
         raise InputError(f"cannot read the skill file {path}: {error.strerror or error}") from None
-    except (ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        raise InputError(
-            f"{path} is not a skill file or is damaged ({error}); learn it again with 'coevo learn'"
-        ) from None
+    except DamagedFileError as error:
+        raise InputError(damaged.format(error)) from None
     try:
         header = json.loads(bytes(arrays["header"]))
         if header["format"] != FORMAT:
@@ -206,12 +200,10 @@ def load_skill(source: str | Path) -> Skill:
             int(header["max_steps"]),
             dict(header["about"]),
         )
+    except InputError:
+        raise
     except (KeyError, TypeError, ValueError, IndexError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"{path} is not a skill file or is damaged ({error}); learn it again with 'coevo learn'"
-        ) from None
+        raise InputError(damaged.format(error)) from None
     if skill.digest != header["digest"]:
         raise InputError(f"{path} is damaged: its contents do not match its digest; learn it again with 'coevo learn'")
     return skill

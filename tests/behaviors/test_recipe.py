@@ -98,9 +98,6 @@ def test_a_wrong_value_is_named_with_what_was_expected(changes, parts):
 
 @pytest.mark.parametrize("kind", ["mate", "robot"])
 @pytest.mark.parametrize("task", ["shoot", "search"])
-@pytest.mark.xfail(
-    strict=True, reason="a recipe may ask for a robot that no trial has; learning then looks for it in vain"
-)
 def test_an_object_that_no_trial_has_is_refused(task, kind):
     with pytest.raises(InputError, match=r"mover\.kind"):
         check(Recipe, {**PLAIN, "task": task, "objects": [{"kind": kind}]}, "mine.toml")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import random
+import signal
 import threading
 
 import numpy as np
@@ -248,15 +249,21 @@ def test_outcomes_come_in_the_order_of_the_groups(small_settings):
 
 
 @pytest.mark.xfail(strict=True, reason="joblib tells its threads to end and does not wait for it")
-def test_workers_end_with_their_evaluator_even_if_it_is_left_early(small_settings):
+def test_workers_end_with_their_evaluator_even_if_it_is_interrupted(small_settings):
     """A thread that is still in a world, or frees it, while Python ends makes Chipmunk abort the process."""
-    settings = small_settings("evaluation.games=2000", "gp.population=3")
+    settings = small_settings("evaluation.games=3000")
     alone = compile_program(np.array([35], np.uint8), function_set(0, 3))
     before = set(threading.enumerate())
-    with pytest.raises(KeyboardInterrupt), Evaluator(settings, workers=2, backend="threads") as evaluator:  # noqa: PT012
-        next(evaluator.play(0, [[alone] * 3] * 3))
-        raise KeyboardInterrupt
-    left = set(threading.enumerate()) - before
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    ctrl_c = threading.Timer(0.3, signal.raise_signal, [signal.SIGINT])
+    try:
+        with pytest.raises(KeyboardInterrupt), Evaluator(settings, workers=2, backend="threads") as evaluator:  # noqa: PT012
+            ctrl_c.start()
+            list(itertools.chain.from_iterable(evaluator.play(0, [[alone] * 3] * 2) for _ in range(100)))
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    ctrl_c.join()
+    left = {thread for thread in set(threading.enumerate()) - before if "worker" in thread.name}
     for thread in left:
         thread.join()
     assert left == set()

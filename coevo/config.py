@@ -255,7 +255,7 @@ class EvaluationSettings(_Settings, frozen=True, kw_only=True):
 class RunSettings(_Settings, frozen=True, kw_only=True):
     """A whole experiment: 'coevo evolve' takes exactly this."""
 
-    name: str = "run"
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")] = "run"  # a part of the run folder's name
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     world: WorldSettings = WorldSettings()
     game: GameSettings
@@ -357,7 +357,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise InputError(f"cannot read {path}: {reason}") from None
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise InputError(f"{path} is not valid TOML: {error}") from None
 
 
@@ -375,7 +375,7 @@ def override(data: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, A
             raise InputError(f"--set expects KEY=VALUE, such as gp.population=40; got {assignment!r}")
         try:
             value = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
+        except ValueError:  # not TOML, or a number of thousands of digits: take it as text
             value = text.strip()
         *folders, last = key.strip().split(".")
         node: Any = result

@@ -26,7 +26,7 @@ def write_whole(path: Path, data: bytes) -> None:
     Raises:
         OSError: it cannot be written; a file that was there before is as it was.
     """
-    partial = path.with_name(path.name + ".partial")
+    partial = path.with_name(f".{path.name}.partial")  # readers of folders pass over names with a dot
     try:
         with partial.open("wb") as file:
             file.write(data)

@@ -31,9 +31,13 @@ from coevo.soccer.rng import normal
 from coevo.soccer.world import World
 from coevo.tree import SKILLS, Program
 
-__all__ = ["Arena", "Outcome", "Trace", "load_bank", "warm_up"]
+__all__ = ["Arena", "Outcome", "StartsDoNotFitError", "Trace", "load_bank", "warm_up"]
 
 _FIRST_SKILL = 255
+
+
+class StartsDoNotFitError(InputError):
+    """The bodies do not fit into the regions where they start."""
 
 
 class _Rules(NamedTuple):
@@ -295,7 +299,7 @@ class Arena:
             seeds: (games,) uint64; the same seed is the same game, whatever was played before.
 
         Raises:
-            InputError: the bodies do not fit into the regions where they start.
+            StartsDoNotFitError: the bodies do not fit into the regions where they start.
         """
         nothing = np.zeros((0, 0), np.int8)
         return self._run(programs, seeds, np.zeros((0, 0, 0)), nothing, nothing)
@@ -362,7 +366,7 @@ class Arena:
             trace_actions,
         )
         if not fits:
-            raise InputError(
+            raise StartsDoNotFitError(
                 "the robots and the ball do not fit into their start regions without touching;"
                 " widen game.ball_start or players.*.start"
             )

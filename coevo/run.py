@@ -109,6 +109,20 @@ def _digest(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.uint8]:
     return np.frombuffer(digest.digest(), np.uint8)
 
 
+def _lines(generation: int, records: Sequence[GenerationRecord]) -> list[str]:
+    """Return the lines of a generation in generations.csv."""
+    lines = []
+    for record in records:
+        best, worst = int(record.order[0]), int(record.order[-1])
+        row: list[Any] = [generation, f"r{record.robot}"]
+        row += [float(record.fitness[best]), float(record.fitness.mean()), float(record.fitness[worst])]
+        row += [int(record.counts[name][best]) for name in COUNTS]
+        for sizes in (record.depth, record.nodes):
+            row += [int(sizes[best]), float(sizes.mean()), int(sizes[worst])]
+        lines.append(",".join(str(value) for value in row))
+    return lines
+
+
 class Run:
     """A run on disk; made by ``create_run`` and ``open_run``."""
 
@@ -160,19 +174,34 @@ class Run:
     def _part_path(self, generation: int) -> Path:
         return self.path / "individuals.parquet" / f"part-{generation:05d}.parquet"
 
+    def _part_digests(self) -> NDArray[np.uint8]:
+        """Return the SHA-256 of the parts that the checkpoint knows, (generations, 32); none without a checkpoint."""
+        try:
+            return read_arrays(self.path / "checkpoint.npz")["parts"].reshape(-1, 32).astype(np.uint8)
+        except (OSError, LookupError, ValueError, DamagedFileError):
+            return np.zeros((0, 32), np.uint8)
+
     def _part(self, generation: int) -> pd.DataFrame:
         import pandas as pd
+        import pyarrow as pa
 
         path = self._part_path(generation)
         if not path.exists():
             last = self.finished - 1
             have = f"0 to {last}" if last >= 0 else "none yet"
             raise InputError(f"{self.path} has no generation {generation}; finished generations: {have}")
+        remedy = "run the experiment again from config.toml"
         try:
-            return pd.read_parquet(path)
-        except (OSError, ValueError) as error:
-            first = str(error).splitlines()[0]
-            raise InputError(f"{path} is damaged ({first}); run the experiment again from config.toml") from None
+            data = path.read_bytes()
+            known = self._part_digests()
+            if generation < len(known) and known[generation].tobytes() != hashlib.sha256(data).digest():
+                raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
+            return pd.read_parquet(io.BytesIO(data))
+        except (OSError, ValueError, pa.ArrowException) as error:
+            if isinstance(error, InputError):
+                raise
+            first = (str(error).splitlines() or [type(error).__name__])[0]
+            raise InputError(f"{path} is damaged ({first}); {remedy}") from None
 
     def record(self, generation: int, robot: str) -> pd.DataFrame:
         """Return the individuals of one robot in one generation, best first (by fitness, depth, index)."""
@@ -219,13 +248,19 @@ class Run:
             return Checkpoint(int(arrays["generation"][0]), populations)
         except InputError:
             raise
-        except (ValueError, KeyError, IndexError, OSError, DamagedFileError) as error:
+        except (ValueError, TypeError, LookupError, OSError, DamagedFileError) as error:
             raise InputError(f"{path} is damaged ({error}); {remedy}") from None
 
     # ------------------------------------------------------------------------------------------------ writing
 
     def _identity(self) -> bytes:
         return hashlib.sha256(to_toml(self.config).encode()).digest()
+
+    def save_environment(self) -> None:
+        """Write what the run depends on besides its settings, if that is not written yet."""
+        path = self.path / "environment.json"
+        if not path.exists():
+            _write_whole(path, (json.dumps(environment(self.config), indent=2) + "\n").encode())
 
     def save_generation(self, generation: int, records: Sequence[GenerationRecord]) -> None:
         """Write one generation: its rows in the table of generations, then its individuals."""
@@ -255,21 +290,38 @@ class Run:
         _write_whole(path, buffer.getvalue())
 
     def _save_table(self, generation: int, records: Sequence[GenerationRecord]) -> None:
-        path = self.path / "generations.csv"
-        lines = [",".join(_COLUMNS)]
-        if path.exists():
-            kept = path.read_text(encoding="utf-8").splitlines()[1:]
-            lines += [line for line in kept if int(line.split(",", 1)[0]) < generation]
-        for record in records:
-            order = record.order
-            best, worst = int(order[0]), int(order[-1])
-            row: list[Any] = [generation, f"r{record.robot}"]
-            row += [float(record.fitness[best]), float(record.fitness.mean()), float(record.fitness[worst])]
-            row += [int(record.counts[name][best]) for name in COUNTS]
-            for sizes in (record.depth, record.nodes):
-                row += [int(sizes[best]), float(sizes.mean()), int(sizes[worst])]
-            lines.append(",".join(str(value) for value in row))
-        _write_whole(path, ("\n".join(lines) + "\n").encode())
+        lines = [",".join(_COLUMNS), *self._earlier_lines(generation), *_lines(generation, records)]
+        _write_whole(self.path / "generations.csv", ("\n".join(lines) + "\n").encode())
+
+    def _earlier_lines(self, generation: int) -> list[str]:
+        """Return the table's lines of the generations before; those that are lost or damaged are made anew."""
+        expected = [[str(g), f"r{robot}"] for g in range(generation) for robot in self.evolving]
+        try:
+            lines = (self.path / "generations.csv").read_text(encoding="utf-8").splitlines()[1 : len(expected) + 1]
+        except (OSError, UnicodeDecodeError):
+            lines = []
+        parts = [line.split(",") for line in lines]
+        if [part[:2] for part in parts] == expected and all(len(part) == len(_COLUMNS) for part in parts):
+            return lines
+        return [line for earlier in range(generation) for line in _lines(earlier, self.records(earlier))]
+
+    def records(self, generation: int) -> list[GenerationRecord]:
+        """Return what was saved of a generation, a record a robot."""
+        found = []
+        for robot in self.evolving:
+            rows = self.record(generation, f"r{robot}").sort_values("index")
+            found.append(
+                GenerationRecord(
+                    robot,
+                    [np.asarray(tree, np.uint8) for tree in rows["tree"]],
+                    rows["group"].to_numpy(np.int64),
+                    rows["fitness"].to_numpy(np.float64),
+                    {name: rows[name].to_numpy(np.int64) for name in COUNTS},
+                    rows["depth"].to_numpy(np.int64),
+                    rows["nodes"].to_numpy(np.int64),
+                )
+            )
+        return found
 
     def save_checkpoint(self, checkpoint: Checkpoint) -> None:
         """Write what comes next."""
@@ -278,6 +330,9 @@ class Run:
             "generation": np.array([checkpoint.generation]),
             "run": np.frombuffer(self._identity(), np.uint8),
         }
+        parts = [self._part_path(generation) for generation in range(checkpoint.generation)]
+        digests = [hashlib.sha256(path.read_bytes()).digest() for path in parts if path.exists()]
+        arrays["parts"] = np.frombuffer(b"".join(digests), np.uint8)
         for robot, codes in checkpoint.populations.items():
             arrays[f"sizes_{robot}"] = np.array([len(tree) for tree in codes], np.int64)
             arrays[f"codes_{robot}"] = np.concatenate(codes)
@@ -335,20 +390,21 @@ def create_run(path: Path, settings: RunSettings) -> Run:
     Raises:
         InputError: there is a run already, or the folder cannot be written.
     """
-    if (path / "config.toml").exists():
-        raise InputError(f"{path} holds a run already; go on with 'coevo resume {path}' or choose another --out")
-    if path.exists() and (not path.is_dir() or any(path.iterdir())):
-        raise InputError(f"{path} exists and is not an empty folder; choose another --out")
-    about = environment(settings)
+    environment(settings)  # a wrong skill is better found before there is a folder
     try:
+        if (path / "config.toml").exists():
+            raise InputError(f"{path} holds a run already; go on with 'coevo resume {path}' or choose another --out")
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise InputError(f"{path} exists and is not an empty folder; choose another --out")
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
             f"cannot make the run folder {path}: {error.strerror or error}; choose another --out"
         ) from None
-    _write_whole(path / "environment.json", (json.dumps(about, indent=2) + "\n").encode())
     _write_whole(path / "config.toml", to_toml(settings).encode())
-    return Run(path, settings)
+    run = Run(path, settings)
+    run.save_environment()
+    return run
 
 
 def open_run(path: str | Path) -> Run:
@@ -358,7 +414,11 @@ def open_run(path: str | Path) -> Run:
         InputError: there is no run, or its config.toml is wrong.
     """
     path = Path(path)
-    if not (path / "config.toml").exists():
+    try:
+        there = (path / "config.toml").exists()
+    except OSError as error:
+        raise InputError(f"cannot open {path}: {error.strerror or error}") from None
+    if not there:
         what = "is not a run folder (it has no config.toml)" if path.exists() else "does not exist"
         raise InputError(f"{path} {what}; start a run with 'coevo evolve'")
     return Run(path, check(RunSettings, read_toml(path / "config.toml"), str(path / "config.toml")))

@@ -164,9 +164,6 @@ def refused(said, *parts):
                 arguments,
                 ["aaaaaaaa", "File name too long"],
                 id=f"long name, {arguments[0]}",
-                marks=pytest.mark.xfail(
-                    strict=True, raises=OSError, reason="Path.exists raises for names that are too long"
-                ),
             )
             for arguments in (["evolve", "smoke", "--out", LONG], ["resume", LONG], ["inspect", LONG], ["play", LONG])
         ),
@@ -174,13 +171,11 @@ def refused(said, *parts):
             ["evolve", "smoke", "--set", 'name="a\\u0000b"'],
             ["name"],
             id="a name that no folder can have",
-            marks=pytest.mark.xfail(strict=True, raises=ValueError, reason="mkdir: embedded null byte"),
         ),
         pytest.param(
             ["evolve", "smoke", "--set", f"seed={'9' * 5000}"],
             ["seed"],
             id="a number of 5000 digits",
-            marks=pytest.mark.xfail(strict=True, raises=ValueError, reason="tomllib lets int()'s ValueError through"),
         ),
     ],
 )
@@ -208,7 +203,6 @@ def test_wrong_input_is_told_with_the_remedy(arguments, parts, coevo, tmp_path, 
             ["play", "--games", "1", "--trace", "."],
             ["cannot write ."],
             id="trace to a folder",
-            marks=pytest.mark.xfail(strict=True, raises=ValueError, reason="'.' has no name to make another of"),
         ),
         pytest.param(
             ["play", "--games", "1", "--video", "game.avi"], ["ending in .mp4, .gif, .html, got game.avi"], id="video"
@@ -217,7 +211,6 @@ def test_wrong_input_is_told_with_the_remedy(arguments, parts, coevo, tmp_path, 
             ["play", "--games", "1", "--trace", f"{LONG}.csv"],
             ["cannot write aaaa", "File name too long"],
             id="long trace",
-            marks=pytest.mark.xfail(strict=True, raises=OSError, reason="is_file of the partial raises in finally"),
         ),
     ],
 )
@@ -260,7 +253,6 @@ def test_a_damaged_skill_is_named(damage, coevo, tmp_path):
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.xfail(strict=True, reason="zlib.error, NotImplementedError and RuntimeError of zipfile pass through")
 @pytest.mark.usefixtures("collected")
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # numpy leaves what it refuses open
 def test_a_flipped_byte_of_a_skill_is_noticed_wherever_it_is(tmp_path):
@@ -296,7 +288,6 @@ def test_a_folder_that_cannot_be_written_is_named(coevo, tmp_path):
     refused(said, str(tmp_path / "file" / "run"), "Not a directory", "--out")
 
 
-@pytest.mark.xfail(strict=True, reason="the folder is made before anybody tries whether the bodies fit")
 def test_starts_that_do_not_fit_leave_nothing_behind(coevo, small_recipe, tmp_path):
     same = "start={ x_m = [5.0, 5.0], y_m = [1.0, 1.0] }"
     arguments = ["--set", f"players.0.{same}", "--set", f"players.1.{same}", "--quiet"]
@@ -326,7 +317,7 @@ def test_a_full_disk_is_told_without_a_traceback(coevo, small_recipe, small_run,
         if (tmp_path / "run" / "individuals.parquet" / "part-00000.parquet").exists():
             raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("coevo.run.os.fsync", full)
+    monkeypatch.setattr("coevo.files.os.fsync", full)
     said = coevo("evolve", small_recipe, "--out", tmp_path / "run")
     assert said.code in {1, 2}
     assert "Traceback" not in said.err
@@ -364,7 +355,6 @@ def test_the_version_is_told(coevo):
     assert re.search(r"\d+\.\d+", said.out)
 
 
-@pytest.mark.xfail(strict=True, reason="click raises its help as a UsageError, which is printed like an error")
 def test_no_command_at_all_shows_the_help(coevo):
     said = coevo()
     assert (said.out + said.err).startswith("Usage: coevo")
@@ -621,9 +611,6 @@ def test_the_installed_script_is_the_same_program(tmp_path):
     [
         pytest.param(
             "threads",
-            marks=pytest.mark.xfail(
-                strict=False, reason="Python frees a world that a thread is freeing, too: one of ten aborts"
-            ),
         ),
         "processes",
     ],
@@ -702,7 +689,6 @@ def test_a_reader_that_goes_away_gets_no_traceback(small_run):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-@pytest.mark.xfail(strict=True, reason="an OSError of standard output is not caught")
 def test_output_that_cannot_be_written_is_told_without_a_traceback(small_run):
     command = [sys.executable, "-c", PROGRAM, "inspect", str(small_run.path), "--json"]
     with Path("/dev/full").open("w") as full:

@@ -152,7 +152,7 @@ def test_compiled_games_are_those_of_the_plain_loop(preset):
 def test_crowded_games_of_random_skills_are_those_of_the_plain_loop(wild, drive):
     settings = wild[drive]
     different, outcomes = play_both(settings, random_trees(settings, 25, seed=3), seeds_of(5, count=25))
-    for name, least in (("kicks", 50), ("collisions", 20), ("passes", 1)):
+    for name, least in (("kicks", 40), ("collisions", 20), ("passes", 1)):
         assert sum(getattr(outcome, name).sum() for outcome in outcomes) >= least, name
     assert np.all(sum(outcome.skill_steps for outcome in outcomes) > 0)
     assert different == []
@@ -309,7 +309,7 @@ def test_each_condition_is_what_the_robot_sees(robot):
 
 def test_the_objects_of_robots_are_the_others_in_their_order():
     # r0 starts with its back to r2. Without any camera: what is behind is lost, what is ahead alone is not.
-    settings = settings_of("three-learners", "game.time_limit_steps=90")
+    settings = settings_of("three-learners", "game.time_limit_steps=90", "players.1.start.x_m=[1.0, 1.6]")
     arena, counts = Arena(settings), {"r1": 0, "r2": 0}
     for seed in seeds_of(16, count=30):
         for name in counts:
@@ -451,9 +451,6 @@ def random_goals():
         pytest.param(
             (HAND_TYPED, HAND_TYPED),
             id="both search or shoot",
-            marks=pytest.mark.xfail(
-                strict=True, reason="at these starts they are in each other's way, and lose the ball"
-            ),
         ),
     ],
 )

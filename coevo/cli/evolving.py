@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import time
 from importlib.resources import files
 from pathlib import Path
@@ -93,14 +94,18 @@ def evolve(
         data = override(data, [f"gp.generations={generations}"])
     settings = check(RunSettings, data, recipe if recipe.endswith(".toml") else f"the preset {recipe}")
     from coevo.evolution.evaluation import check_backend
-    from coevo.game import load_bank
+    from coevo.game import StartsDoNotFitError, load_bank
     from coevo.run import create_run
 
     check_backend(backend)
     load_bank(settings)  # a wrong skill is better found before there is a folder
     run = create_run(out if out is not None else _default_folder(settings), settings)
     note(f"Run folder: {run.path}", quiet=quiet)
-    _go_on(run, workers, backend, as_json=as_json, quiet=quiet)
+    try:
+        _go_on(run, workers, backend, as_json=as_json, quiet=quiet)
+    except StartsDoNotFitError:
+        shutil.rmtree(run.path)  # it could never go on
+        raise
 
 
 def _default_folder(settings: RunSettings) -> Path:

@@ -24,6 +24,7 @@ _GAMES = 3
 _JOBLIB = {"threads": "threading", "processes": "loky", "dask": "dask"}
 
 _local = threading.local()
+_with_arena: set[threading.Thread] = set()
 
 
 def group_seeds(run_seed: int, generation: int, group: int, games: int) -> NDArray[np.uint64]:
@@ -34,6 +35,7 @@ def group_seeds(run_seed: int, generation: int, group: int, games: int) -> NDArr
 def _arena(settings: bytes) -> Arena:
     """Return this thread's arena for the settings, made once."""
     if getattr(_local, "settings", None) != settings:
+        _with_arena.add(threading.current_thread())
         _local.arena = Arena(check(RunSettings, msgspec.json.decode(settings), "settings"))
         _local.settings = settings
     arena: Arena = _local.arena
@@ -77,6 +79,11 @@ class Evaluator:
 
     def __exit__(self, *failure: object) -> None:
         self._parallel.__exit__(*failure)
+        # joblib tells its threads to end but does not wait: one that plays on, or frees its world, while Python ends
+        # would make Chipmunk abort the process.
+        for thread in _with_arena - {threading.current_thread(), threading.main_thread()}:
+            thread.join()
+        _with_arena.clear()
 
     def play(self, generation: int, groups: Sequence[Sequence[Program | None]]) -> Iterator[Outcome]:
         """Yield the outcome of each group's games, in the order of the groups."""

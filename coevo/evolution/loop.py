@@ -98,19 +98,10 @@ def _rebuild(run: Run, functions: Mapping[int, FunctionSet]) -> Checkpoint:
             for robot in run.evolving
         }
         return Checkpoint(0, first)
-    populations = {}
-    for robot in run.evolving:
-        rows = run.record(generation, f"r{robot}").sort_values("index")
-        record = GenerationRecord(
-            robot,
-            [np.asarray(tree, np.uint8) for tree in rows["tree"]],
-            rows["group"].to_numpy(np.int64),
-            rows["fitness"].to_numpy(np.float64),
-            {name: rows[name].to_numpy(np.int64) for name in COUNTS},
-            rows["depth"].to_numpy(np.int64),
-            rows["nodes"].to_numpy(np.int64),
-        )
-        populations[robot] = _next_codes(record, settings, functions[robot], generation)
+    populations = {
+        record.robot: _next_codes(record, settings, functions[record.robot], generation)
+        for record in run.records(generation)
+    }
     return Checkpoint(generation + 1, populations)
 
 
@@ -123,6 +114,7 @@ def evolve(run: Run, evaluator: Evaluator, report: Callable[[GenerationReport], 
         report: called after each generation, when it is safe on disk.
     """
     settings = run.config
+    run.save_environment()
     robots = len(settings.players)
     functions = {robot: function_set(robot, robots) for robot in run.evolving}
     state = run.checkpoint() or _rebuild(run, functions)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from coevo.errors import InputError
@@ -22,11 +22,12 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises:
         InputError: the file cannot be written there; what was there before stays.
     """
-    # The suffix stays the last part: OpenCV tells the format by it.
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    partial: Path | None = None
     try:
         if path.is_dir():
             raise InputError(f"cannot write {path}: it is a folder; give the name of a file in it")
+        # The suffix stays the last part: OpenCV tells the format by it.
+        partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
         partial.write_bytes(b"")
         yield partial
         partial.replace(path)
@@ -35,5 +36,6 @@ def whole_file(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror or error}") from None
     finally:
-        if partial.is_file():
-            partial.unlink()
+        if partial is not None:
+            with suppress(OSError):
+                partial.unlink()

@@ -61,17 +61,19 @@ def as_dot(tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None) -
 
 
 def _places(tree: Tree) -> list[float]:
-    """Return where each node stands across, in columns: leaves side by side, an IF above the middle of its branches."""
-    places = [0.0] * tree.nodes
-    column = 0.0
-    for node, second in enumerate(tree.second):
-        if not second:
-            width = max(3.2, 0.62 * len(_label(tree.names[node])) + 1.2)
-            places[node] = column + 0.5 * width
-            column += width
+    """Return where each node stands across, in columns: an IF in the middle of what its branches and its label need."""
+    labels = [max(3.2, 0.62 * len(_label(name)) + 1.2) for name in tree.names]
+    widths = list(labels)
     for node in range(tree.nodes - 1, -1, -1):
         if tree.second[node]:
-            places[node] = 0.5 * (places[node + 1] + places[tree.second[node]])
+            widths[node] = max(labels[node], widths[node + 1] + widths[tree.second[node]])
+    starts, places = [0.0] * tree.nodes, [0.0] * tree.nodes
+    for node, second in enumerate(tree.second):
+        places[node] = starts[node] + 0.5 * widths[node]
+        if second:
+            spare = 0.5 * (widths[node] - widths[node + 1] - widths[second])
+            starts[node + 1] = starts[node] + spare
+            starts[second] = starts[node + 1] + widths[node + 1]
     return places
 
 

@@ -98,7 +98,10 @@ def tree_codes(tree: Tree, functions: FunctionSet) -> NDArray[np.uint8]:
 
 def from_codes(codes: Sequence[int] | NDArray[np.uint8], functions: FunctionSet) -> Tree:
     """Return the tree of prefix codes."""
-    measure(np.asarray(codes, np.uint8), functions)
+    given = np.asarray(codes)
+    if given.size and (given.min() < 0 or given.max() > 255):
+        raise InputError("a stored tree is damaged: its codes do not make a tree")
+    measure(given.astype(np.uint8), functions)
     return Tree(tuple(functions.names[int(code)] for code in codes))
 
 

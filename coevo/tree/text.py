@@ -91,6 +91,7 @@ def _tokens(text: str) -> Iterator[tuple[str, int]]:
     while position < end:
         match = _TOKEN.match(text, position)
         if match is None:
+            position += len(text[position:]) - len(text[position:].lstrip())
             raise InputError(f"tree: unexpected {text[position]!r} at character {position + 1}")
         yield match.group(1), match.start(1) + 1
         position = match.end()

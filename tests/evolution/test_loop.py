@@ -248,7 +248,6 @@ def test_outcomes_come_in_the_order_of_the_groups(small_settings):
             assert np.array_equal(getattr(outcome, name), getattr(alone, name)), name
 
 
-@pytest.mark.xfail(strict=True, reason="joblib tells its threads to end and does not wait for it")
 def test_workers_end_with_their_evaluator_even_if_it_is_interrupted(small_settings):
     """A thread that is still in a world, or frees it, while Python ends makes Chipmunk abort the process."""
     settings = small_settings("evaluation.games=3000")

@@ -81,7 +81,6 @@ def test_svg_is_xml_with_every_node_and_every_branch_inside_the_picture(tree):
         assert y + down <= height + 1.0
 
 
-@pytest.mark.xfail(strict=True, reason="only leaves are given the width of their label")
 @given(tree=trees)
 @example(tree=parse("IF_ball_is_left(shoot, IF_opponent_goal_is_left(shoot, shoot))"))
 def test_boxes_of_one_row_of_an_svg_do_not_overlap(tree):

@@ -123,7 +123,6 @@ def test_trees_deeper_than_pythons_stack_are_read_and_written():
             "IF_ball_is_left(shoot, 7)",
             "unexpected '7' at character 24",
             id="number after a space",
-            marks=pytest.mark.xfail(strict=True, reason="the space before it is reported"),
         ),
     ],
 )

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.compiled import helper
+from coevo.compiled import inlined
 from coevo.config import GameSettings, WorldSettings
 from coevo.soccer.physics import PhysicsParams
 
@@ -69,7 +69,7 @@ def make_events(robots: int) -> Events:
     )
 
 
-@helper
+@inlined
 def clear_events(events: Events) -> None:
     """Start a game with nothing having happened."""
     events.kicks[:] = 0
@@ -80,7 +80,7 @@ def clear_events(events: Events) -> None:
     events.touched_at[0] = 0
 
 
-@helper
+@inlined
 def record_contacts(
     params: EventParams,
     teams: NDArray[np.int64],
@@ -117,7 +117,7 @@ def record_contacts(
                 events.touching[r, other] = False
 
 
-@helper
+@inlined
 def goal_scored(physics: PhysicsParams, state: NDArray[np.float64]) -> int:
     """Return the team in whose favour the ball's centre is behind a goal line, -1 if it is in play."""
     x = state[state.shape[0] - 1, 0]
@@ -128,7 +128,7 @@ def goal_scored(physics: PhysicsParams, state: NDArray[np.float64]) -> int:
     return -1
 
 
-@helper
+@inlined
 def out_of_field(physics: PhysicsParams, state: NDArray[np.float64], robot: int) -> bool:
     """Tell whether a robot's centre is behind a goal line; elsewhere the walls hold it."""
     return bool(state[robot, 0] < 0.0 or state[robot, 0] > physics.length)

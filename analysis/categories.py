@@ -2,7 +2,7 @@
 
     python -m analysis.categories
 
-The defaults of coevo.config.CategorySettings are this, rounded.
+The defaults of coevo.config.CategorySettings are this, rounded, for an earlier placement of the robots.
 """
 
 from __future__ import annotations

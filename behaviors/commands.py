@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import msgspec
 
-from coevo.console import Progress, duration, emit, note, output_options, table
+from coevo.console import Progress, emit, note, output_options, table
 from coevo.errors import InputError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def learn(
     if (folder / "skill.npz").exists() and out is None:
         note(f"{folder} is replaced.", quiet=quiet)
     _prepare(folder)
-    _tell_compiling(quiet=quiet)
+    _tell_compiling(learning=True, quiet=quiet)
     with Progress(recipe.trials, quiet=quiet) as progress:
 
         def report(done: int, total: int, share: float) -> None:
@@ -121,11 +121,11 @@ def _prepare(folder: Path) -> None:
         probe.unlink()
 
 
-def _tell_compiling(*, quiet: bool) -> None:
-    from behaviors.trials import run_trials
+def _tell_compiling(*, learning: bool, quiet: bool) -> None:
+    from behaviors.trials import gather, run_trials
     from coevo.compiled import is_compiled
 
-    if not is_compiled(run_trials):
+    if not is_compiled(run_trials) or (learning and not is_compiled(gather)):
         note("Compiling the trials for this machine, once: about 20 s ...", quiet=quiet)
 
 
@@ -269,18 +269,14 @@ def evaluate(*, skill: str, games: int, seed: int, starts: str, as_json: bool, q
     \b
     Example: coevo skills evaluate shoot --games 1000 --seed 7 --starts anywhere
     """
-    import time
-
     from behaviors.recipe import Recipe
     from coevo.config import check
     from coevo.skill import load_skill
 
     loaded = load_skill(skill)
     recipe = check(Recipe, dict(loaded.about.get("recipe", {})), f"the recipe in {skill}")
-    _tell_compiling(quiet=quiet)
-    began = time.perf_counter()
+    _tell_compiling(learning=False, quiet=quiet)
     data = {"name": loaded.name, **measure(recipe, loaded, games=games, seed=seed, starts=starts)}
-    note(f"{games} trials in {duration(time.perf_counter() - began)}", quiet=quiet)
     if as_json:
         emit(data)
         return

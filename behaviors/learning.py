@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 
 from behaviors.axes import simple_axes
 from behaviors.lpm import identify
-from behaviors.recipe import ModelSettings, Recipe
+from behaviors.qlearning import make_learner
+from behaviors.raw import raw_model
+from behaviors.recipe import ModelSettings, Recipe, plain_recipe, recipe_digest
+from behaviors.table import Table, all_states, make_table, with_room
 from behaviors.task import COLLISION, SUCCESS, task_params
-from behaviors.trials import Learner, Scene, gather, run_trials
+from behaviors.trials import Scene, gather, make_decisions, run_trials
 from coevo.errors import InputError
 from coevo.skill import ObjectModel, Skill, SkillBank, make_bank
 from coevo.skill.estimate import make_memory
-from coevo.skill.model import OBJECT_KINDS, state_count
+from coevo.skill.model import MOST_STATES, OBJECT_KINDS
 from coevo.soccer.camera import ROBOTS, camera_params, make_retina
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params
@@ -96,7 +99,13 @@ def _world(recipe: Recipe, robots: int) -> World:
 
 
 def _blank(recipe: Recipe, models: tuple[ObjectModel, ...]) -> Skill:
-    states = int(np.prod([model.states for model in models]))
+    states = math.prod(model.states for model in models)
+    if states > MOST_STATES:
+        sizes = " x ".join(str(model.states) for model in models)
+        raise InputError(
+            f"the recipe {recipe.name!r}: its objects have {sizes} = {states} states together, and {MOST_STATES} is the"
+            " most a skill may have; give some of them a smaller order"
+        )
     actions = len(action_set(recipe.world.robot).codes)
     values = np.zeros((states, actions), np.float32)
     return Skill(
@@ -176,6 +185,15 @@ def _model(
         total += len(stretch[0])
         if total >= recipe.experience.windows:
             break
+    if settings.estimator == "raw":
+        return raw_model(
+            settings.kind,
+            [seen for _, seen in enough],
+            order=settings.order,
+            image_width=recipe.world.camera.width_px,
+            cell=settings.cell,
+            lost_states=settings.lost_states,
+        )
     found = identify(
         enough,
         history_length=settings.history_length,
@@ -185,7 +203,9 @@ def _model(
     memory_matrix = found.memory_matrix
     if settings.axes == "varimax":
         memory_matrix = simple_axes(found, enough).T @ memory_matrix
-    return ObjectModel(settings.kind, found.history_length, memory_matrix, found.past_mean, settings.cell)
+    return ObjectModel(
+        settings.kind, found.history_length, memory_matrix, found.past_mean, settings.cell, settings.lost_states
+    )
 
 
 def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None, report: Report | None = None) -> Skill:
@@ -206,35 +226,41 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
     stretches = experience(recipe, seed)
     skill = _blank(recipe, tuple(_model(m, stretches[m.kind], recipe) for m in recipe.objects))
     settings = recipe.learning
-    learner = Learner(*(getattr(settings, name) for name in Learner._fields))
-    scene = _scene(recipe, _bank(skill))
-    values, visits = np.zeros(skill.values.shape), np.zeros(skill.values.shape, np.int64)
-    best, best_score, kept_after = values, -np.inf, trials
+    learner = make_learner(settings)
+    scene, decisions = _scene(recipe, _bank(skill)), make_decisions(recipe.time_limit_steps)
+    states, actions = skill.values.shape
+    table = make_table(states, actions, sparse=settings.storage == "sparse")
+    best, best_score, kept_after = None, -np.inf, trials
     for first in range(0, trials, _BLOCK):
         block = min(_BLOCK, trials - first)
         done = first + block
+        table = with_room(table, block * _most_decisions(recipe))
         seeds = np.array([game_seed(seed, _LEARNING, first + n) for n in range(block)], np.uint64)
         outcomes, steps = np.zeros(block, np.int64), np.zeros(block, np.int64)
-        if not run_trials(scene, learner, True, False, first, trials, seeds, values, visits, outcomes, steps):
+        if not run_trials(scene, learner, True, False, first, trials, seeds, table, decisions, outcomes, steps):
             raise _no_start(recipe)
         if report is not None:
             report(done, trials, float(_success(recipe, outcomes).mean()))
         due = settings.check_every and (done == trials or done // settings.check_every > first // settings.check_every)
         if due and done >= settings.check_from * trials:
-            score = _check(recipe, skill, values, seed)
+            score = _check(recipe, skill, table, seed)
             if score >= best_score:
-                best, best_score, kept_after = values.copy(), score, done
+                best, best_score, kept_after = table.values[: table.used[0]].copy(), score, done
     about = {
-        "recipe": msgspec.to_builtins(recipe),
-        "recipe_digest": hashlib.sha256(msgspec.json.encode(recipe)).hexdigest(),
+        "recipe": plain_recipe(recipe),
+        "recipe_digest": recipe_digest(recipe),
         "seed": seed,
         "trials": trials,
         "kept_after_trials": kept_after,
-        "states_visited": int((visits.sum(axis=1) > 0).sum()),
+        "states_visited": int((table.visits.sum(axis=1) > 0).sum()),
     }
-    return Skill(
-        skill.name, skill.drive, skill.objects, best.astype(np.float32), skill.min_steps, skill.max_steps, about
-    )
+    values = all_states(table.values if best is None else best, table.rows)
+    return dataclasses.replace(skill, values=values, about=about, sparse=settings.storage == "sparse")
+
+
+def _most_decisions(recipe: Recipe) -> int:
+    """Return how many states a trial may visit: one each decision, and the one that time runs out in."""
+    return -(-recipe.time_limit_steps // recipe.action.min_steps) + 1
 
 
 def _success(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -280,27 +306,24 @@ def _run(recipe: Recipe, skill: Skill | None, games: int, seed: int, stream: int
     used = skill if skill is not None else _provisional(recipe)
     actions = len(action_set(recipe.world.robot).codes)
     scene = _scene(recipe, make_bank([used], drive=recipe.world.robot.drive, actions=actions))
-    learner = Learner(*(getattr(recipe.learning, name) for name in Learner._fields))
     seeds = np.array([game_seed(seed, stream, n) for n in range(games)], np.uint64)
     outcomes, steps = np.zeros(games, np.int64), np.zeros(games, np.int64)
-    values, visits = np.zeros((1, actions)), np.zeros((1, 1), np.int64)
-    if not run_trials(scene, learner, False, skill is None, 0, games, seeds, values, visits, outcomes, steps):
+    learner, unused = make_learner(recipe.learning), make_table(1, actions)
+    decisions = make_decisions(recipe.time_limit_steps)
+    if not run_trials(scene, learner, False, skill is None, 0, games, seeds, unused, decisions, outcomes, steps):
         raise _no_start(recipe)
     return Measured(outcomes, steps, _success(recipe, outcomes))
 
 
-def _check(recipe: Recipe, skill: Skill, values: NDArray[np.float64], seed: int) -> float:
-    """Return the mean reward of the greedy policy of ``values``, half from starts in view, half from anywhere.
+def _check(recipe: Recipe, skill: Skill, table: Table, seed: int) -> float:
+    """Return the mean reward of the greedy policy of a table, half from starts in view, half from anywhere.
 
     These starts are the same for all checks of one learning, and are neither those of learning nor of evaluation.
     """
-    now = dataclasses.replace(skill, values=values.astype(np.float32))
+    now = dataclasses.replace(skill, values=all_states(table.values, table.rows))
     reward = 0.0
     for starts in ("in-view", "anywhere"):
         measured = _run(msgspec.structs.replace(recipe, starts=starts), now, recipe.learning.check_games, seed, _CHECK)
         success = float((measured.outcomes == SUCCESS).mean())
         reward += 0.5 * (success * recipe.goal_reward + measured.collision_rate * recipe.collision_reward)
     return reward
-
-
-assert state_count(1) == 5  # three cells and two lost states

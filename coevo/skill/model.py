@@ -7,7 +7,7 @@ import importlib.resources
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,9 +25,11 @@ __all__ = [
     "Skill",
     "installed_skills",
     "load_skill",
+    "pack_models",
     "read_card",
     "skill_path",
     "state_count",
+    "unpack_models",
 ]
 
 FORMAT = 1
@@ -148,13 +150,14 @@ class Skill:
 
     def save(self, path: Path) -> None:
         """Write the skill as npz, whole or not at all; the same skill gives the same bytes."""
+        objects, models = pack_models(self.objects)
         header = {
             "format": FORMAT,
             "name": self.name,
             "drive": self.drive,
             "min_steps": self.min_steps,
             "max_steps": self.max_steps,
-            "objects": [_header(model) for model in self.objects],
+            "objects": objects,
             "about": dict(self.about),
             "digest": self.digest,
         }
@@ -166,14 +169,40 @@ class Skill:
             arrays["rows"], arrays["values"] = rows.astype(np.int64), self.values[rows]
         else:
             arrays["values"] = self.values
-        for i, model in enumerate(self.objects):
-            arrays[f"memory_matrix_{i}"], arrays[f"past_mean_{i}"] = model.memory_matrix, model.past_mean
-        write_whole(path, pack_arrays(arrays))
+        write_whole(path, pack_arrays({**arrays, **models}))
 
 
-def _header(model: ObjectModel) -> dict[str, Any]:
-    plain = {"kind": model.kind, "history_length": model.history_length, "order": model.order, "cell": model.cell}
-    return plain if model.lost_states == _LOST_STATES else {**plain, "lost_states": model.lost_states}
+def pack_models(models: Sequence[ObjectModel]) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    """Return models as plain data and arrays, for ``unpack_models``."""
+    plain: list[dict[str, Any]] = []
+    arrays: dict[str, NDArray[Any]] = {}
+    for i, model in enumerate(models):
+        plain.append(
+            {"kind": model.kind, "history_length": model.history_length, "order": model.order, "cell": model.cell}
+        )
+        if model.lost_states != _LOST_STATES:
+            plain[-1]["lost_states"] = model.lost_states
+        arrays[f"memory_matrix_{i}"], arrays[f"past_mean_{i}"] = model.memory_matrix, model.past_mean
+    return plain, arrays
+
+
+def unpack_models(plain: Sequence[Mapping[str, Any]], arrays: Mapping[str, NDArray[Any]]) -> tuple[ObjectModel, ...]:
+    """Return the models that ``pack_models`` was given.
+
+    Raises:
+        KeyError, TypeError, ValueError: that is not what came.
+    """
+    return tuple(
+        ObjectModel(
+            str(item["kind"]),
+            int(item["history_length"]),
+            np.asarray(arrays[f"memory_matrix_{i}"], np.float64),
+            np.asarray(arrays[f"past_mean_{i}"], np.float64),
+            float(item["cell"]),
+            int(item.get("lost_states", _LOST_STATES)),
+        )
+        for i, item in enumerate(plain)
+    )
 
 
 def _all_rows(arrays: Mapping[str, NDArray[Any]], states: int) -> NDArray[np.float32]:
@@ -219,17 +248,7 @@ def load_skill(source: str | Path) -> Skill:
             raise InputError(
                 f"{path} has format {header['format']}, this version reads format {FORMAT}; learn it again"
             )
-        objects = tuple(
-            ObjectModel(
-                str(item["kind"]),
-                int(item["history_length"]),
-                np.asarray(arrays[f"memory_matrix_{i}"], np.float64),
-                np.asarray(arrays[f"past_mean_{i}"], np.float64),
-                float(item["cell"]),
-                int(item.get("lost_states", _LOST_STATES)),
-            )
-            for i, item in enumerate(header["objects"])
-        )
+        objects = unpack_models(header["objects"], arrays)
         skill = Skill(
             str(header["name"]),
             str(header["drive"]),

@@ -14,8 +14,9 @@ from scipy import stats
 from statsmodels.stats.proportion import proportion_confint
 
 from behaviors import learning
-from behaviors.commands import make_card, measure
-from behaviors.learning import evaluate, experience, learn, wilson_interval
+from behaviors.cards import make_card, measure
+from behaviors.experience import experience
+from behaviors.learning import evaluate, learn, wilson_interval
 from behaviors.recipe import (
     ExperienceSettings,
     MoverSettings,
@@ -23,6 +24,7 @@ from behaviors.recipe import (
     read_recipe,
     recipe_digest,
 )
+from behaviors.scene import provisional_skill
 from behaviors.task import COLLISION, FAILURE, GOING, SUCCESS, judge, task_params
 from coevo.config import check
 from coevo.errors import InputError
@@ -68,7 +70,7 @@ def verdict(
 
 
 def _memory(recipe, robots):
-    blank = learning._provisional(recipe)
+    blank = provisional_skill(recipe)
     return make_memory(make_bank([blank], drive=blank.drive, actions=blank.actions), [-1] * robots)
 
 

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from behaviors import learning
 from behaviors.qlearning import lambda_returns, make_learner, one_step
 from behaviors.recipe import LearningSettings, read_recipe
+from behaviors.scene import make_scene
 from behaviors.table import all_states, make_table, with_room
 from behaviors.task import COLLISION, GOING, SUCCESS
 from behaviors.trials import make_decisions, run_trials
-from coevo.skill import load_skill, make_bank
+from coevo.skill import load_skill
 
 # ------------------------------------------------------------------------------------------------------- lambda-returns
 
@@ -195,7 +195,7 @@ def played(task, rule, trials, *, sparse, epsilon=0.3, start=0.0):
     settings = msgspec.structs.replace(rule, epsilon_start=epsilon, epsilon_end=epsilon, easy_share=1.0)
     recipe = msgspec.structs.replace(recipe, learning=settings, time_limit_steps=80)
     skill = load_skill(task)
-    scene = learning._scene(recipe, make_bank([skill], drive="pws", actions=9))
+    scene = make_scene(recipe, skill)
     table, decisions = make_table(*skill.values.shape, sparse=sparse), make_decisions(80)
     table.values[:] = start
     for n in range(trials):

@@ -9,7 +9,7 @@ from behaviors.axes import simple_axes
 from behaviors.lpm import identify
 from behaviors.raw import raw_model
 from behaviors.recipe import ModelSettings, Recipe
-from behaviors.scene import make_scene, provisional_skill
+from behaviors.scene import make_scene, no_start, provisional_skill
 from behaviors.trials import gather
 from coevo.errors import InputError
 from coevo.skill import ObjectModel
@@ -37,8 +37,9 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
     objects = scene.memory.areas.shape[1]
     settings = recipe.experience
     stretches: dict[str, list[Stretch]] = {model.kind: [] for model in recipe.objects}
+    seen = dict.fromkeys(stretches, 0)  # steps in view
     part = 0
-    while min(sum(len(a) for a, _ in found) for found in stretches.values()) < settings.windows:
+    while min(seen.values()) < settings.windows:
         trial, inputs = np.zeros(_ROWS, np.int64), np.zeros((_ROWS, INPUTS))
         features, areas = np.zeros((_ROWS, objects, FEATURES)), np.zeros((_ROWS, objects))
         random = game_seed(seed, _STREAM, part)
@@ -53,18 +54,24 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
             features,
             areas,
         )
-        if filled < _ROWS or part > _MOST_PARTS:
-            raise InputError(
-                f"the recipe {recipe.name!r}: its objects hardly ever come into view, so no model can be identified"
-            )
+        if filled < _ROWS:
+            raise no_start(recipe)
         for kind, found in stretches.items():
             slot = _SLOTS.get(kind, objects - 1)  # the nearest robot has the last one
             visible = areas[:, slot] > 0.0
             breaks = np.flatnonzero((np.diff(visible.astype(np.int8)) != 0) | (np.diff(trial) != 0)) + 1
             for piece in np.split(np.arange(_ROWS), breaks):
                 if visible[piece[0]]:
+                    seen[kind] += len(piece)
                     found.append((inputs[piece], features[piece, slot, : OBJECT_KINDS[kind]]))
         part += 1
+        kind, steps = min(seen.items(), key=lambda item: item[1])
+        if steps * _MOST_PARTS < settings.windows * part:
+            raise InputError(
+                f"the recipe {recipe.name!r}: its {kind} came into view in {steps} of {part * _ROWS} steps of random"
+                f" actions, so no model can be identified from {settings.windows} (experience.windows); look at another"
+                " object, or let the camera see it"
+            )
     return stretches
 
 

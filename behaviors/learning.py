@@ -16,7 +16,7 @@ from behaviors.checkpoint import Standing, read_checkpoint, write_checkpoint
 from behaviors.experience import make_models
 from behaviors.qlearning import make_learner
 from behaviors.recipe import Recipe, plain_recipe, recipe_digest
-from behaviors.scene import blank_skill, make_scene, provisional_skill
+from behaviors.scene import blank_skill, make_scene, no_start, provisional_skill
 from behaviors.table import all_states, make_table, with_room
 from behaviors.task import COLLISION, SUCCESS
 from behaviors.trials import make_decisions, run_trials
@@ -163,7 +163,7 @@ class Learning:
         schedule = at.done, self._trials
         ready = self._scene, self._learner, True, False, *schedule, seeds, at.table, self._decisions, outcomes, steps
         if not run_trials(*ready):
-            raise _no_start(recipe)
+            raise no_start(recipe)
         return outcomes
 
     def _check(self) -> float:
@@ -218,10 +218,6 @@ def _success(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
     return success
 
 
-def _no_start(recipe: Recipe) -> InputError:
-    return InputError(f"the recipe {recipe.name!r}: no start was found where the learner sees what the task is about")
-
-
 def evaluate(
     recipe: Recipe,
     skill: Skill | None,
@@ -259,5 +255,5 @@ def _run(recipe: Recipe, skill: Skill | None, games: int, seed: int, stream: int
     learner, unused = make_learner(recipe.learning), make_table(1, len(scene.codes))
     decisions = make_decisions(recipe.time_limit_steps)
     if not run_trials(scene, learner, False, skill is None, 0, games, seeds, unused, decisions, outcomes, steps):
-        raise _no_start(recipe)
+        raise no_start(recipe)
     return Measured(outcomes, steps, _success(recipe, outcomes))

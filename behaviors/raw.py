@@ -70,7 +70,8 @@ def raw_model(
         cell, lost_states: of the model. The classes are the same for every cell.
 
     Raises:
-        InputError: there are not so many components, or one of them takes fewer than three values.
+        InputError: there are not so many components, one of them takes fewer than three values, or a feature is no
+            number.
     """
     components, order = RAW_COMPONENTS[kind], usual_order(kind) if order is None else order
     if not 1 <= order <= len(components):
@@ -78,6 +79,8 @@ def raw_model(
             f"the raw state of {kind} has 1 to {len(components)} components ({', '.join(components)}), not {order}"
         )
     rows = np.concatenate([np.empty((0, OBJECT_KINDS[kind])), *seen])
+    if not np.isfinite(rows).all():
+        raise InputError(f"the features of {kind} are not all finite; expected numbers wherever it is in view")
     directions, middles, scales = np.zeros((order, INPUTS + OBJECT_KINDS[kind])), np.zeros(order), np.zeros(order)
     for j, (name, weights) in enumerate(list(components.items())[:order]):
         for feature, weight in weights.items():
@@ -92,8 +95,12 @@ def raw_model(
 
 def _terciles(samples: Array, what: str) -> tuple[float, float]:
     """Return the limits of three classes, none of them empty, that hold about a third of the samples each."""
+    if not np.isfinite(samples).all():
+        raise InputError(
+            f"the {what} was not finite in the experience; expected numbers wherever the object is in view"
+        )
     values = np.unique(samples)
-    if len(values) < _CLASSES or not np.isfinite(values).all():
+    if len(values) < _CLASSES:
         raise InputError(
             f"the {what} took {len(values)} different values in the experience, but a raw state cuts it into three"
             " classes; take a smaller order, or let the recipe gather more experience"

@@ -115,14 +115,14 @@ class MoverSettings(_Settings, frozen=True, kw_only=True):
 class Recipe(_Settings, frozen=True, kw_only=True):
     """One skill, from nothing."""
 
-    name: str
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]  # a part of the folder's name
     task: Literal["shoot", "pass", "avoid", "search"]
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     trials: Annotated[int, Meta(ge=1, le=10_000_000)] = 25_000  # [T] a period
     time_limit_steps: Annotated[int, Meta(ge=1, le=100_000)] = 900  # 30 s
     starts: Literal["in-view", "anywhere"] = "in-view"
-    goal_reward: float = 1.0  # [T]
-    collision_reward: float = -0.3  # [T]
+    goal_reward: Annotated[float, Meta(ge=-1e6, le=1e6)] = 1.0  # [T]
+    collision_reward: Annotated[float, Meta(ge=-1e6, le=1e6)] = -0.3  # [T]
     objects: Annotated[tuple[ModelSettings, ...], Meta(min_length=1, max_length=4)]
     mover: MoverSettings = MoverSettings()
     experience: ExperienceSettings = ExperienceSettings()

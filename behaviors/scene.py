@@ -19,7 +19,7 @@ from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params
 from coevo.soccer.world import World
 
-__all__ = ["blank_skill", "make_scene", "provisional_skill"]
+__all__ = ["blank_skill", "make_scene", "no_start", "provisional_skill"]
 
 _worlds: dict[tuple[bytes, int], World] = {}
 
@@ -76,3 +76,11 @@ def provisional_skill(recipe: Recipe) -> Skill:
     pasts = [(model, INPUTS + OBJECT_KINDS[model.kind]) for model in recipe.objects]
     models = tuple(ObjectModel(m.kind, 1, np.zeros((1, past)), np.zeros(past), m.cell) for m, past in pasts)
     return blank_skill(recipe, models)
+
+
+def no_start(recipe: Recipe) -> InputError:
+    """Return what is to be raised where no start of a trial was found."""
+    return InputError(
+        f"the recipe {recipe.name!r}: no start was found where the bodies fit on the field and the learner sees what"
+        f" the task {recipe.task!r} is about; change world.field or world.camera, or take starts = 'anywhere'"
+    )

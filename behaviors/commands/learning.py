@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -137,6 +138,7 @@ def _finished(folder: Path, recipe: Recipe) -> dict[str, Any]:
 
 def _begin(recipe: Recipe, checkpoint: Path, *, resume: bool, quiet: bool) -> Learning:
     from behaviors.learning import Learning
+    from behaviors.lpm import PersistentExcitationWarning
 
     tell_compiling(learning=True, quiet=quiet)
     if resume and checkpoint.exists():
@@ -145,7 +147,11 @@ def _begin(recipe: Recipe, checkpoint: Path, *, resume: bool, quiet: bool) -> Le
         return learning
     if resume:
         note("Nothing was saved yet: from the beginning.", quiet=quiet)
-    learning = Learning(recipe, seed=recipe.seed, trials=recipe.trials)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", PersistentExcitationWarning)
+        learning = Learning(recipe, seed=recipe.seed, trials=recipe.trials)
+    for warning in caught:
+        note(f"Beware: {warning.message}")
     with _writing(checkpoint.parent):
         checkpoint.unlink(missing_ok=True)
     return learning

@@ -16,7 +16,7 @@ import joblib
 import msgspec
 import numpy as np
 
-from behaviors.commands import make_card
+from behaviors.cards import make_card
 from behaviors.learning import learn
 from behaviors.recipe import installed_recipes, read_recipe
 from coevo.console import note, table

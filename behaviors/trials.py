@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviors.qlearning import Learner, greedy, lambda_returns, one_step
+from behaviors.table import Table, row_of
 from behaviors.task import AVOID, COLLISION, FAILURE, GOING, SUCCESS, TaskParams, judge, move_other, start_trial
 from coevo.compiled import borrowed, entry, helper
 from coevo.skill import SkillBank
@@ -15,7 +17,7 @@ from coevo.soccer.camera import FEATURES, ROBOTS, CameraParams, Retina, look
 from coevo.soccer.physics import Handles, PhysicsParams, advance, reset
 from coevo.soccer.rng import below, normal, uniform
 
-__all__ = ["Learner", "Scene", "gather", "run_trials"]
+__all__ = ["Decisions", "Scene", "gather", "make_decisions", "run_trials"]
 
 
 class Scene(NamedTuple):
@@ -32,18 +34,27 @@ class Scene(NamedTuple):
     commands: NDArray[np.float64]
 
 
-class Learner(NamedTuple):
-    """Numbers of Q learning; see behaviors.recipe.LearningSettings."""
+class Decisions(NamedTuple):
+    """The decisions of one trial of a learning, filled anew in each.
 
-    gamma: float
-    return_lambda: float
-    alpha: float
-    alpha_visits: float
-    alpha_min: float
-    epsilon_start: float
-    epsilon_end: float
-    easy_share: float
-    anywhere_share: float
+    rows: (room,) int64, row of the table. actions: (room,) int64. rewards: (room,) float64, what came while the action
+        lasted. lengths: (room,) int64, how long it lasted in steps.
+    made: (1,) int64, how many there are.
+    last: (1,) int64, row of the state that time ran out in, -1 if the trial ended.
+    """
+
+    rows: NDArray[np.int64]
+    actions: NDArray[np.int64]
+    rewards: NDArray[np.float64]
+    lengths: NDArray[np.int64]
+    made: NDArray[np.int64]
+    last: NDArray[np.int64]
+
+
+def make_decisions(time_limit: int) -> Decisions:
+    """Make room for the decisions of a trial of ``time_limit`` steps."""
+    steps = [np.zeros(time_limit, np.int64) for _ in range(3)]
+    return Decisions(steps[0], steps[1], np.zeros(time_limit), steps[2], np.zeros(1, np.int64), np.zeros(1, np.int64))
 
 
 @helper
@@ -133,20 +144,6 @@ def gather(
     return row
 
 
-@helper
-def _greedy(values: NDArray[np.float64], state: int, rng: NDArray[np.uint64]) -> int:
-    """Return the best action of a state; equals are drawn at random."""
-    best, count = 0, 1
-    for a in range(1, values.shape[1]):
-        if values[state, a] > values[state, best]:
-            best, count = a, 1
-        elif values[state, a] == values[state, best]:
-            count += 1
-            if below(rng, count) == 0:
-                best = a
-    return best
-
-
 @entry
 def run_trials(
     scene: Scene,
@@ -156,8 +153,8 @@ def run_trials(
     first: int,
     total: int,
     seeds: NDArray[np.uint64],
-    values: NDArray[np.float64],
-    visits: NDArray[np.int64],
+    table: Table,
+    decisions: Decisions,
     outcomes: NDArray[np.int64],
     steps: NDArray[np.int64],
 ) -> bool:
@@ -166,25 +163,25 @@ def run_trials(
     Args:
         scene: world, task and models.
         learner: numbers of Q learning.
-        learning: explore and update ``values``; else follow the bank's policy.
+        learning: explore and update ``table``; else follow the bank's policy.
         random_policy: act at random, each action as long as a learned one (a baseline).
         first, total: number of the first of these trials, and of all trials of the learning: set the schedule.
         seeds: (trials,) uint64.
-        values: (states, actions) float64 action values, updated. visits: likewise, how often each was updated.
+        table: action values, updated, with room for every state that these trials may visit.
+        decisions: room for those of one trial; in the end it holds those of the last.
         outcomes: (trials,) filled with GOING (time ran out), SUCCESS, FAILURE or COLLISION.
         steps: (trials,) filled with the length of each trial.
     """
     scene = borrowed(scene)
     task, robots, bank = scene.task, scene.task.robots, scene.bank
+    values, visits = table.values, table.visits
+    choices = values.shape[1]
     state, commands = np.zeros((robots + 1, 6)), np.zeros((robots, 2))
     ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
     touched, held_other = np.empty(1, np.int64), np.empty(1, np.int64)
     standing = np.zeros(2)
     rng = np.zeros(1, np.uint64)
-    # The decisions of one trial: state, action, reward during it, length in steps.
-    room = task.time_limit + 1
-    states, actions = np.empty(room, np.int64), np.empty(room, np.int64)
-    rewards, lengths = np.empty(room), np.empty(room, np.int64)
+    rows, actions, rewards, lengths = decisions.rows, decisions.actions, decisions.rewards, decisions.lengths
     for n in range(seeds.shape[0]):
         rng[0] = seeds[n]
         progress = (first + n) / max(total - 1, 1)
@@ -203,21 +200,25 @@ def run_trials(
         commands[:] = 0.0
         touched[0], held_other[0] = -1, 0
         chases = uniform(rng) < task.chaser_share
-        count, action, held, outcome, t = 0, -1, 0, GOING, 0
+        count, action, held, outcome, t, before = 0, -1, 0, GOING, 0, -1
         _watch(scene, state, 0, standing, rng)
         while t < task.time_limit:
             if action < 0 or held >= bank.min_steps[0]:
                 now = discrete_state(scene.memory, bank, 0, 0, t)
-                if action < 0 or held >= bank.max_steps[0] or now != states[count - 1]:
+                if action < 0 or held >= bank.max_steps[0] or now != before:
+                    row = row_of(table, now) if learning else 0
+                    if learning and learner.one_step and count > 0:
+                        k = count - 1
+                        one_step(learner, values, visits, rows[k], actions[k], rewards[k], lengths[k], row)
                     if random_policy or (learning and uniform(rng) < epsilon):
-                        action = below(rng, values.shape[1])
+                        action = below(rng, choices)
                     elif learning:
-                        action = _greedy(values, now, rng)
+                        action = greedy(values, row, rng)
                     else:
                         action = bank.policy[now]
-                    states[count], actions[count], rewards[count], lengths[count] = now, action, 0.0, 0
+                    rows[count], actions[count], rewards[count], lengths[count] = row, action, 0.0, 0
                     count += 1
-                    held = 0
+                    held, before = 0, now
             held += 1
             lengths[count - 1] += 1
             _command(scene, commands, action, rng)
@@ -234,40 +235,13 @@ def run_trials(
         elif outcome == COLLISION:
             rewards[count - 1] += task.collision_reward
         outcomes[n], steps[n] = outcome, t
+        decisions.made[0], decisions.last[0] = count, -1
         if learning:
-            last = -1 if outcome != GOING else discrete_state(scene.memory, bank, 0, 0, t)
-            _learn(learner, values, visits, states, actions, rewards, lengths, count, last)
+            if outcome == GOING:
+                decisions.last[0] = row_of(table, discrete_state(scene.memory, bank, 0, 0, t))
+            if learner.one_step:
+                k = count - 1
+                one_step(learner, values, visits, rows[k], actions[k], rewards[k], lengths[k], decisions.last[0])
+            else:
+                lambda_returns(learner, values, visits, rows, actions, rewards, lengths, count, decisions.last[0])
     return True
-
-
-@helper
-def _learn(
-    learner: Learner,
-    values: NDArray[np.float64],
-    visits: NDArray[np.int64],
-    states: NDArray[np.int64],
-    actions: NDArray[np.int64],
-    rewards: NDArray[np.float64],
-    lengths: NDArray[np.int64],
-    count: int,
-    last: int,
-) -> None:
-    """Update the values backwards through one trial with lambda-returns.
-
-    The return of a decision is r + gamma^steps ((1 - lambda) max Q(next) + lambda * return of the next). A trial that
-    ran out of time goes on in the value of the state it reached (``last``); one that ended has none (-1).
-    """
-    ahead = 0.0
-    for k in range(count - 1, -1, -1):
-        discount = learner.gamma ** lengths[k]
-        following = last if k == count - 1 else states[k + 1]
-        target = rewards[k]
-        if following >= 0:
-            best = values[following].max()
-            mixed = best if k == count - 1 else (1.0 - learner.return_lambda) * best + learner.return_lambda * ahead
-            target += discount * mixed
-        ahead = target
-        s, a = states[k], actions[k]
-        alpha = max(learner.alpha_min, learner.alpha / (1.0 + visits[s, a] / learner.alpha_visits))
-        values[s, a] += alpha * (target - values[s, a])
-        visits[s, a] += 1

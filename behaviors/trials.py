@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviors.informed import informed_action
 from behaviors.qlearning import Learner, greedy, lambda_returns, one_step
 from behaviors.table import Table, row_of
 from behaviors.task import AVOID, COLLISION, FAILURE, GOING, SUCCESS, TaskParams, judge, move_other, start_trial
@@ -17,7 +18,9 @@ from coevo.soccer.camera import FEATURES, ROBOTS, CameraParams, Retina, look
 from coevo.soccer.physics import Handles, PhysicsParams, advance, reset
 from coevo.soccer.rng import below, normal, uniform
 
-__all__ = ["Decisions", "Scene", "gather", "make_decisions", "run_trials"]
+__all__ = ["INFORMED", "LEARNED", "RANDOM", "Decisions", "Scene", "gather", "make_decisions", "run_trials"]
+
+LEARNED, RANDOM, INFORMED = 0, 1, 2
 
 
 class Scene(NamedTuple):
@@ -149,7 +152,7 @@ def run_trials(
     scene: Scene,
     learner: Learner,
     learning: bool,
-    random_policy: bool,
+    policy: int,
     first: int,
     total: int,
     seeds: NDArray[np.uint64],
@@ -163,8 +166,8 @@ def run_trials(
     Args:
         scene: world, task and models.
         learner: numbers of Q learning.
-        learning: explore and update ``table``; else follow the bank's policy.
-        random_policy: act at random, each action as long as a learned one (a baseline).
+        learning: explore and update ``table``; else follow ``policy``.
+        policy: LEARNED, the bank's; RANDOM, each action as long as a learned one; INFORMED, see behaviors.informed.
         first, total: number of the first of these trials, and of all trials of the learning: set the schedule.
         seeds: (trials,) uint64.
         table: action values, updated, with room for every state that these trials may visit.
@@ -210,7 +213,7 @@ def run_trials(
                     if learning and learner.one_step and count > 0:
                         k = count - 1
                         one_step(learner, values, visits, rows[k], actions[k], rewards[k], lengths[k], row)
-                    if random_policy or (learning and uniform(rng) < epsilon):
+                    if policy == RANDOM or (learning and uniform(rng) < epsilon):
                         action = below(rng, choices)
                     elif learning:
                         action = greedy(values, row, rng)
@@ -219,6 +222,8 @@ def run_trials(
                     rows[count], actions[count], rewards[count], lengths[count] = row, action, 0.0, 0
                     count += 1
                     held, before = 0, now
+            if policy == INFORMED:
+                action = informed_action(task, scene.physics, state, scene.commands)
             held += 1
             lengths[count - 1] += 1
             _command(scene, commands, action, rng)

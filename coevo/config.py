@@ -177,8 +177,8 @@ class GameSettings(_Settings, frozen=True, kw_only=True):
 class CategorySettings(_Settings, frozen=True, kw_only=True):
     """Limits of the image categories of Table 6.1.
 
-    The limits of area are about terciles over the visible samples of random play, from an earlier placement of the
-    robots. 'python -m analysis.categories' measures them: with today's presets the ball looks larger (14 and 50 px).
+    The limits of area are about terciles over the visible samples of random play in the presets, which
+    'python -m analysis.categories' measures.
     """
 
     left_below_px: Positive = 64.0 / 3.0  # [C] thirds of the image

@@ -12,6 +12,8 @@ from coevo.console import Progress, emit, note, output_options, table
 from coevo.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from behaviors.recipe import Recipe
     from coevo.skill import Skill
 
@@ -47,13 +49,16 @@ def learn(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Learn a skill from nothing, measure it, and write it with its recipe and its card.
+    """Learn a skill, measure it, and write it with its recipe and its card.
+
+    It is learned from nothing; by a recipe with [coordination] from skills that are learned already.
 
     \b
     Example: coevo learn shoot --seed 5
+             coevo learn runs/chapter3/shoot-avoiding.toml
     """
-    from behaviors.learning import learn as learn_skill
     from behaviors.recipe import is_recipe_of, read_recipe
+    from behaviors.relearning import learn_recipe
     from coevo.config import to_toml
 
     recipe = read_recipe(source)
@@ -69,7 +74,7 @@ def learn(
     if (folder / "skill.npz").exists() and out is None:
         note(f"{folder} is replaced.", quiet=quiet)
     _prepare(folder)
-    _tell_compiling(learning=True, quiet=quiet)
+    _tell_compiling(recipe, quiet=quiet)
     with Progress(recipe.trials, quiet=quiet) as progress:
 
         def report(done: int, total: int, share: float) -> None:
@@ -79,7 +84,7 @@ def learn(
                     done=done,
                 )
 
-        skill = learn_skill(recipe, report=report)
+        skill = learn_recipe(recipe, report=report)
     card = make_card(recipe, skill, games=games, seed=_CARD_SEED)
     with _writing(folder):
         skill.save(folder / "skill.npz")
@@ -121,11 +126,16 @@ def _prepare(folder: Path) -> None:
         probe.unlink()
 
 
-def _tell_compiling(*, learning: bool, quiet: bool) -> None:
+def _tell_compiling(learned: Recipe | None, *, quiet: bool) -> None:
+    """Say so if the kernels that learning a recipe, or else only measuring, takes must be compiled first."""
+    from behaviors.composite import relearn_trials
     from behaviors.trials import gather, run_trials
     from coevo.compiled import is_compiled
 
-    if not is_compiled(run_trials) or (learning and not is_compiled(gather)):
+    needed: list[Callable[..., Any]] = [run_trials]
+    if learned is not None:
+        needed.append(gather if learned.coordination is msgspec.UNSET else relearn_trials)
+    if not all(is_compiled(kernel) for kernel in needed):
         note("Compiling the trials for this machine, once: about 20 s ...", quiet=quiet)
 
 
@@ -275,7 +285,7 @@ def evaluate(*, skill: str, games: int, seed: int, starts: str, as_json: bool, q
 
     loaded = load_skill(skill)
     recipe = check(Recipe, dict(loaded.about.get("recipe", {})), f"the recipe in {skill}")
-    _tell_compiling(learning=False, quiet=quiet)
+    _tell_compiling(None, quiet=quiet)
     data = {"name": loaded.name, **measure(recipe, loaded, games=games, seed=seed, starts=starts)}
     if as_json:
         emit(data)

@@ -10,6 +10,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
 from behaviors.axes import simple_axes
@@ -18,7 +19,7 @@ from behaviors.recipe import ModelSettings, Recipe
 from behaviors.task import COLLISION, SUCCESS, task_params
 from behaviors.trials import Learner, Scene, gather, run_trials
 from coevo.errors import InputError
-from coevo.skill import ObjectModel, Skill, SkillBank, make_bank
+from coevo.skill import ObjectModel, Skill, SkillBank, load_skill, make_bank
 from coevo.skill.estimate import make_memory
 from coevo.skill.model import OBJECT_KINDS, state_count
 from coevo.soccer.camera import ROBOTS, camera_params, make_retina
@@ -27,7 +28,17 @@ from coevo.soccer.physics import physics_params
 from coevo.soccer.rng import game_seed
 from coevo.soccer.world import World
 
-__all__ = ["Measured", "evaluate", "learn", "wilson_interval"]
+__all__ = [
+    "Measured",
+    "Report",
+    "best_of_learning",
+    "evaluate",
+    "learn",
+    "learner",
+    "make_scene",
+    "no_start",
+    "wilson_interval",
+]
 
 # What the random streams of a recipe's seed are for.
 _EXPERIENCE, _LEARNING, _EVALUATION, _CHECK = 0, 1, 2, 3
@@ -69,7 +80,8 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
-def _scene(recipe: Recipe, bank: SkillBank) -> Scene:
+def make_scene(recipe: Recipe, bank: SkillBank) -> Scene:
+    """Return the scene of a recipe's trials; the first skill of the bank is the learner's."""
     task = task_params(recipe)
     actions = action_set(recipe.world.robot)
     mates = [1, 0] if task.robots == 2 and recipe.task == "pass" else [-1] * task.robots
@@ -90,9 +102,14 @@ _worlds: dict[tuple[bytes, int], World] = {}
 
 
 def _world(recipe: Recipe, robots: int) -> World:
-    """Return a world of the recipe; kept, since a scene holds only addresses of it."""
+    """Return a world of the recipe; kept, since a scene holds only addresses of it.
+
+    None is made to be thrown away: pymunk has been seen to abort while it freed such a one.
+    """
     key = (msgspec.json.encode(recipe.world), robots)
-    return _worlds.setdefault(key, World(recipe.world, robots))
+    if key not in _worlds:
+        _worlds[key] = World(recipe.world, robots)
+    return _worlds[key]
 
 
 def _blank(recipe: Recipe, models: tuple[ObjectModel, ...]) -> Skill:
@@ -127,7 +144,7 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[tuple[NDArray[np.flo
 
     A stretch is (actions (T, 2), observations (T, q)) of one trial, each action paired with the image it led to.
     """
-    scene = _scene(recipe, _bank(_provisional(recipe)))
+    scene = make_scene(recipe, _bank(_provisional(recipe)))
     objects = scene.memory.areas.shape[1]
     settings = recipe.experience
     stretches: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = {m.kind: [] for m in recipe.objects}
@@ -188,6 +205,22 @@ def _model(
     return ObjectModel(settings.kind, found.history_length, memory_matrix, found.past_mean, settings.cell)
 
 
+def _models(recipe: Recipe, seed: int) -> tuple[ObjectModel, ...]:
+    """Return the models of the recipe's objects: those of other skills, or identified from random actions."""
+    given = {m.kind: _model_of(m.model_of, m.kind) for m in recipe.objects if m.model_of is not UNSET}
+    stretches = experience(recipe, seed) if len(given) < len(recipe.objects) else {}
+    return tuple(given.get(m.kind) or _model(m, stretches[m.kind], recipe) for m in recipe.objects)
+
+
+def _model_of(source: str, kind: str) -> ObjectModel:
+    skill = load_skill(source)
+    for model in skill.objects:
+        if model.kind == kind:
+            return model
+    looks = ", ".join(model.kind for model in skill.objects)
+    raise InputError(f"model_of: the skill {source!r} looks at {looks}, so it has no model of {kind}")
+
+
 def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None, report: Report | None = None) -> Skill:
     """Learn the recipe's skill from nothing.
 
@@ -201,40 +234,83 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
     Raises:
         InputError: the recipe leaves nothing to learn from.
     """
+    if recipe.coordination is not UNSET:
+        raise InputError(f"the recipe {recipe.name!r} coordinates skills: behaviors.relearning.learn_recipe learns it")
     seed = recipe.seed if seed is None else seed
     trials = recipe.trials if trials is None else trials
-    stretches = experience(recipe, seed)
-    skill = _blank(recipe, tuple(_model(m, stretches[m.kind], recipe) for m in recipe.objects))
-    settings = recipe.learning
-    learner = Learner(*(getattr(settings, name) for name in Learner._fields))
-    scene = _scene(recipe, _bank(skill))
+    skill = _blank(recipe, _models(recipe, seed))
+    scene, numbers = make_scene(recipe, _bank(skill)), learner(recipe)
     values, visits = np.zeros(skill.values.shape), np.zeros(skill.values.shape, np.int64)
-    best, best_score, kept_after = values, -np.inf, trials
+
+    def block(first: int, *results: NDArray[Any]) -> bool:
+        seeds, outcomes, steps = results
+        return run_trials(scene, numbers, True, False, first, trials, seeds, values, visits, outcomes, steps)
+
+    return best_of_learning(
+        recipe, skill, block, lambda: values, visits, seed=seed, trials=trials, report=report, about={}
+    )
+
+
+def learner(recipe: Recipe) -> Learner:
+    """Return the recipe's numbers of Q learning, for compiled code."""
+    return Learner(*(getattr(recipe.learning, name) for name in Learner._fields))
+
+
+def best_of_learning(
+    recipe: Recipe,
+    skill: Skill,
+    block: Callable[..., bool],
+    table: Callable[[], NDArray[np.float64]],
+    visits: NDArray[np.int64],
+    *,
+    seed: int,
+    trials: int,
+    report: Report | None,
+    about: dict[str, Any],
+) -> Skill:
+    """Run the trials of a learning in blocks and return the skill with the table that did best in the checks.
+
+    Args:
+        recipe: what is learned and how.
+        skill: its models, any table.
+        block: learns from trials: called with the number of the first one, their seeds, and arrays for their outcomes
+            and steps; returns False if no start was found.
+        table: returns the action values (states, actions) as they are now.
+        visits: (states, actions) int64, updated by ``block``.
+        seed, trials, report: see ``learn``.
+        about: what to say of the skill besides the usual.
+
+    Raises:
+        InputError: no start was found.
+    """
+    settings = recipe.learning
+    best: NDArray[np.float64] | None = None
+    best_score, kept_after = -np.inf, trials
     for first in range(0, trials, _BLOCK):
-        block = min(_BLOCK, trials - first)
-        done = first + block
-        seeds = np.array([game_seed(seed, _LEARNING, first + n) for n in range(block)], np.uint64)
-        outcomes, steps = np.zeros(block, np.int64), np.zeros(block, np.int64)
-        if not run_trials(scene, learner, True, False, first, trials, seeds, values, visits, outcomes, steps):
-            raise _no_start(recipe)
+        size = min(_BLOCK, trials - first)
+        done = first + size
+        seeds = np.array([game_seed(seed, _LEARNING, first + n) for n in range(size)], np.uint64)
+        outcomes, steps = np.zeros(size, np.int64), np.zeros(size, np.int64)
+        if not block(first, seeds, outcomes, steps):
+            raise no_start(recipe)
         if report is not None:
             report(done, trials, float(_success(recipe, outcomes).mean()))
         due = settings.check_every and (done == trials or done // settings.check_every > first // settings.check_every)
         if due and done >= settings.check_from * trials:
-            score = _check(recipe, skill, values, seed)
+            score = _check(recipe, skill, table(), seed)
             if score >= best_score:
-                best, best_score, kept_after = values.copy(), score, done
-    about = {
+                best, best_score, kept_after = table().copy(), score, done
+    values = (table() if best is None else best).astype(np.float32)
+    said = {
         "recipe": msgspec.to_builtins(recipe),
         "recipe_digest": hashlib.sha256(msgspec.json.encode(recipe)).hexdigest(),
         "seed": seed,
         "trials": trials,
         "kept_after_trials": kept_after,
         "states_visited": int((visits.sum(axis=1) > 0).sum()),
+        **about,
     }
-    return Skill(
-        skill.name, skill.drive, skill.objects, best.astype(np.float32), skill.min_steps, skill.max_steps, about
-    )
+    return dataclasses.replace(skill, values=values, about=said)
 
 
 def _success(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -242,7 +318,8 @@ def _success(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
     return success
 
 
-def _no_start(recipe: Recipe) -> InputError:
+def no_start(recipe: Recipe) -> InputError:
+    """Return the error to raise when trials find no start."""
     return InputError(f"the recipe {recipe.name!r}: no start was found where the learner sees what the task is about")
 
 
@@ -279,13 +356,12 @@ def _run(recipe: Recipe, skill: Skill | None, games: int, seed: int, stream: int
     """Run ``games`` trials of the recipe without learning; without a skill, at random."""
     used = skill if skill is not None else _provisional(recipe)
     actions = len(action_set(recipe.world.robot).codes)
-    scene = _scene(recipe, make_bank([used], drive=recipe.world.robot.drive, actions=actions))
-    learner = Learner(*(getattr(recipe.learning, name) for name in Learner._fields))
+    scene = make_scene(recipe, make_bank([used], drive=recipe.world.robot.drive, actions=actions))
     seeds = np.array([game_seed(seed, stream, n) for n in range(games)], np.uint64)
     outcomes, steps = np.zeros(games, np.int64), np.zeros(games, np.int64)
     values, visits = np.zeros((1, actions)), np.zeros((1, 1), np.int64)
-    if not run_trials(scene, learner, False, skill is None, 0, games, seeds, values, visits, outcomes, steps):
-        raise _no_start(recipe)
+    if not run_trials(scene, learner(recipe), False, skill is None, 0, games, seeds, values, visits, outcomes, steps):
+        raise no_start(recipe)
     return Measured(outcomes, steps, _success(recipe, outcomes))
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType
 
-from coevo.config import Positive, Share, WorldSettings, check, read_toml
+from coevo.config import NonNegative, Positive, Share, WorldSettings, check, read_toml
 from coevo.errors import InputError, nearest_name
 
 __all__ = [
     "ActionSettings",
+    "CoordinationSettings",
     "LearningSettings",
     "ModelSettings",
     "MoverSettings",
@@ -36,6 +37,13 @@ class ModelSettings(_Settings, frozen=True, kw_only=True):
     order: Annotated[int, Meta(ge=1, le=8)] | None = None  # None: chosen by AIC (3.6)
     cell: Positive = 0.6  # half width of the middle cell in standard deviations; (3.9) has 1
     axes: Literal["varimax", "canonical"] = "varimax"  # which way the state's axes point; see behaviors.axes
+    # Taken from this skill, an installed name or a path, instead of identified: skills that share an object can be
+    # coordinated only if they see it through the same model.
+    model_of: str | UnsetType = UNSET
+
+    def __post_init__(self) -> None:
+        if self.model_of is not UNSET and (self.history_length is not None or self.order is not None):
+            raise ValueError(f"model_of = {self.model_of!r} brings its own history_length and order: leave them out")
 
 
 class ExperienceSettings(_Settings, frozen=True, kw_only=True):
@@ -83,8 +91,23 @@ class MoverSettings(_Settings, frozen=True, kw_only=True):
     chaser_speed: Share = 0.3
 
 
+class CoordinationSettings(_Settings, frozen=True, kw_only=True):
+    """One skill from several that are learned already (appendix B.2); see behaviors.coordination."""
+
+    skills: Annotated[tuple[str, ...], Meta(min_length=2, max_length=4)]  # installed names, or paths of skill files
+    areas: Literal["isodata", "none"] = "isodata"  # "none": all states are learned again
+    # Where a skill that only avoids applies: where its values are highest, as (B.3) has it, or where they are lowest.
+    avoid_where: Literal["value", "threat"] = "value"
+    worth: Literal["steps", "values"] = "steps"  # of a state in an area: by the steps to the goal (B.7), or max ^iQ
+    initial: Literal["sum", "blend", "zero"] = "sum"  # values that re-learning begins with
+    max_iterations: Annotated[int, Meta(ge=1, le=1000)] = 10  # of ISODATA
+    split_std: Positive = 1.0  # clusters wider than this are split; in standard deviations of q
+    merge_distance: NonNegative = 0.5  # clusters nearer than this are merged
+    steps_trials: Annotated[int, Meta(ge=1, le=1_000_000)] = 5000  # from which the steps to a goal are estimated
+
+
 class Recipe(_Settings, frozen=True, kw_only=True):
-    """One skill, from nothing."""
+    """One skill, from nothing or, with ``coordination``, from skills that are there."""
 
     name: str
     task: Literal["shoot", "pass", "avoid", "search"]
@@ -99,6 +122,9 @@ class Recipe(_Settings, frozen=True, kw_only=True):
     experience: ExperienceSettings = ExperienceSettings()
     action: ActionSettings = ActionSettings()
     learning: LearningSettings = LearningSettings()
+    coordination: CoordinationSettings | UnsetType = (
+        UNSET  # a recipe without it reads, and hashes, as if it were unknown
+    )
     world: WorldSettings = WorldSettings()
 
     def __post_init__(self) -> None:
@@ -112,6 +138,8 @@ class Recipe(_Settings, frozen=True, kw_only=True):
             raise ValueError(f"the task {self.task!r} needs another robot: set mover.kind")
         if self.task != "pass" and any(model.kind == "mate" for model in self.objects) and self.mover.kind != "none":
             raise ValueError("objects: only the task 'pass' has a mate; look at 'robot' instead")
+        if self.coordination is not UNSET and len({model.kind for model in self.objects}) < len(self.objects):
+            raise ValueError("objects: with coordination, every object stands once")
         others = [model.kind for model in self.objects if model.kind in ("mate", "robot")]
         if others and self.mover.kind == "none":
             raise ValueError(f"objects: {others[0]!r} is another robot, but there is none: set mover.kind")

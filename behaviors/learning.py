@@ -12,14 +12,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.axes import simple_axes
-from behaviors.lpm import identify
+from behaviors.decisions import make_decisions, most_decisions
+from behaviors.experience import Stretch, in_view, make_model
 from behaviors.qlearning import make_learner
-from behaviors.raw import raw_model
-from behaviors.recipe import ModelSettings, Recipe, plain_recipe, recipe_digest
+from behaviors.recipe import Recipe, plain_recipe, recipe_digest
 from behaviors.table import Table, all_states, make_table, with_room
 from behaviors.task import COLLISION, SUCCESS, task_params
-from behaviors.trials import Scene, gather, make_decisions, run_trials
+from behaviors.trials import Scene, gather, run_trials
 from coevo.errors import InputError
 from coevo.skill import ObjectModel, Skill, SkillBank, make_bank
 from coevo.skill.estimate import make_memory
@@ -131,7 +130,7 @@ def _bank(skill: Skill) -> SkillBank:
     return make_bank([skill], drive=skill.drive, actions=skill.actions)
 
 
-def experience(recipe: Recipe, seed: int) -> dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
     """Act at random and return, for each object, the stretches in which it was in view.
 
     A stretch is (actions (T, 2), observations (T, q)) of one trial, each action paired with the image it led to.
@@ -139,7 +138,7 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[tuple[NDArray[np.flo
     scene = _scene(recipe, _bank(_provisional(recipe)))
     objects = scene.memory.areas.shape[1]
     settings = recipe.experience
-    stretches: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = {m.kind: [] for m in recipe.objects}
+    stretches: dict[str, list[Stretch]] = {m.kind: [] for m in recipe.objects}
     rows, part = 20_000, 0
     while min(sum(len(a) for a, _ in found) for found in stretches.values()) < settings.windows:
         trial, inputs = np.zeros(rows, np.int64), np.zeros((rows, 2))
@@ -162,50 +161,13 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[tuple[NDArray[np.flo
             )
         for kind, found in stretches.items():
             thing = _object_slot(kind, scene)
-            visible = areas[:, thing] > 0.0
-            breaks = np.flatnonzero((np.diff(visible.astype(np.int8)) != 0) | (np.diff(trial) != 0)) + 1
-            for piece in np.split(np.arange(rows), breaks):
-                if visible[piece[0]]:
-                    found.append((inputs[piece], features[piece, thing, : OBJECT_KINDS[kind]]))
+            found += in_view(trial, inputs, features[:, thing, : OBJECT_KINDS[kind]], areas[:, thing])
         part += 1
     return stretches
 
 
 def _object_slot(kind: str, scene: Scene) -> int:
     return scene.memory.areas.shape[1] - 1 if kind == "robot" else _CAMERA_OBJECTS[kind]
-
-
-def _model(
-    settings: ModelSettings, stretches: list[tuple[NDArray[np.float64], NDArray[np.float64]]], recipe: Recipe
-) -> ObjectModel:
-    enough: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
-    total = 0
-    for stretch in stretches:
-        enough.append(stretch)
-        total += len(stretch[0])
-        if total >= recipe.experience.windows:
-            break
-    if settings.estimator == "raw":
-        return raw_model(
-            settings.kind,
-            [seen for _, seen in enough],
-            order=settings.order,
-            image_width=recipe.world.camera.width_px,
-            cell=settings.cell,
-            lost_states=settings.lost_states,
-        )
-    found = identify(
-        enough,
-        history_length=settings.history_length,
-        order=settings.order,
-        future_inputs=recipe.experience.future_inputs,
-    )
-    memory_matrix = found.memory_matrix
-    if settings.axes == "varimax":
-        memory_matrix = simple_axes(found, enough).T @ memory_matrix
-    return ObjectModel(
-        settings.kind, found.history_length, memory_matrix, found.past_mean, settings.cell, settings.lost_states
-    )
 
 
 def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None, report: Report | None = None) -> Skill:
@@ -224,7 +186,9 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
     seed = recipe.seed if seed is None else seed
     trials = recipe.trials if trials is None else trials
     stretches = experience(recipe, seed)
-    skill = _blank(recipe, tuple(_model(m, stretches[m.kind], recipe) for m in recipe.objects))
+    width = recipe.world.camera.width_px
+    models = tuple(make_model(m, stretches[m.kind], recipe.experience, image_width=width)[0] for m in recipe.objects)
+    skill = _blank(recipe, models)
     settings = recipe.learning
     learner = make_learner(settings)
     scene, decisions = _scene(recipe, _bank(skill)), make_decisions(recipe.time_limit_steps)
@@ -234,7 +198,7 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
     for first in range(0, trials, _BLOCK):
         block = min(_BLOCK, trials - first)
         done = first + block
-        table = with_room(table, block * _most_decisions(recipe))
+        table = with_room(table, block * most_decisions(recipe.time_limit_steps, recipe.action.min_steps))
         seeds = np.array([game_seed(seed, _LEARNING, first + n) for n in range(block)], np.uint64)
         outcomes, steps = np.zeros(block, np.int64), np.zeros(block, np.int64)
         if not run_trials(scene, learner, True, False, first, trials, seeds, table, decisions, outcomes, steps):
@@ -256,11 +220,6 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
     }
     values = all_states(table.values if best is None else best, table.rows)
     return dataclasses.replace(skill, values=values, about=about, sparse=settings.storage == "sparse")
-
-
-def _most_decisions(recipe: Recipe) -> int:
-    """Return how many states a trial may visit: one each decision, and the one that time runs out in."""
-    return -(-recipe.time_limit_steps // recipe.action.min_steps) + 1
 
 
 def _success(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviors.checkpoint import Standing, read_checkpoint, write_checkpoint
+from behaviors.decisions import make_decisions, most_decisions
 from behaviors.experience import make_models
 from behaviors.qlearning import make_learner
 from behaviors.recipe import Recipe, plain_recipe, recipe_digest
 from behaviors.scene import blank_skill, make_scene, no_start, provisional_skill
 from behaviors.table import all_states, make_table, with_room
 from behaviors.task import COLLISION, SUCCESS
-from behaviors.trials import make_decisions, run_trials
+from behaviors.trials import run_trials
 from coevo.errors import InputError
 from coevo.skill import Skill
 from coevo.soccer.rng import game_seed
@@ -156,8 +157,7 @@ class Learning:
     def _play(self, count: int) -> NDArray[np.int64]:
         """Learn from the next trials and return their outcomes."""
         recipe, at = self._recipe, self._at
-        # A trial may visit a new state at each decision, and one when time runs out.
-        at.table = with_room(at.table, count * (-(-recipe.time_limit_steps // recipe.action.min_steps) + 1))
+        at.table = with_room(at.table, count * most_decisions(recipe.time_limit_steps, recipe.action.min_steps))
         seeds = _seeds(self._seed, _LEARNING, at.done, count)
         outcomes, steps = np.zeros(count, np.int64), np.zeros(count, np.int64)
         schedule = at.done, self._trials

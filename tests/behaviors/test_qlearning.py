@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from behaviors.decisions import make_decisions
 from behaviors.qlearning import lambda_returns, make_learner, one_step
 from behaviors.recipe import LearningSettings, read_recipe
 from behaviors.scene import make_scene
 from behaviors.table import all_states, make_table, with_room
 from behaviors.task import COLLISION, GOING, SUCCESS
-from behaviors.trials import make_decisions, run_trials
+from behaviors.trials import run_trials
 from coevo.skill import load_skill
 
 # ------------------------------------------------------------------------------------------------------- lambda-returns

@@ -1,12 +1,19 @@
-"""How a skill is learned: a recipe in TOML, checked."""
+"""How a skill is learned: a recipe in TOML, checked.
+
+The defaults are what learns best here. What the dissertation has instead is written beside them: with all of it, a
+recipe is the learner of chapter 3 to the letter.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
+import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
+from behaviors.raw import RAW_COMPONENTS
 from coevo.config import NonNegative, Positive, Share, WorldSettings, check, read_toml
 from coevo.errors import InputError, nearest_name
 
@@ -19,9 +26,14 @@ __all__ = [
     "Recipe",
     "installed_recipes",
     "is_recipe_of",
+    "plain_recipe",
     "read_recipe",
+    "recipe_digest",
 ]
 
+# Settings younger than the first learned skills. A skill file tells them only where they differ from their default, so
+# that learning such a skill again gives the same bytes.
+_YOUNGER = ("estimator", "lost_states", "update", "discount_per", "storage")
 _PRETRAINED = Path(__file__).parent / "pretrained"
 
 
@@ -30,20 +42,34 @@ class _Settings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class ModelSettings(_Settings, frozen=True, kw_only=True):
-    """The local prediction model of one object."""
+    """How the state of one object is estimated: by a local prediction model, or from its features in one image."""
 
     kind: Literal["ball", "own_goal", "opponent_goal", "mate", "robot"]
-    history_length: Annotated[int, Meta(ge=1, le=12)] | None = None  # None: chosen as in 3.2.3
-    order: Annotated[int, Meta(ge=1, le=8)] | None = None  # None: chosen by AIC (3.6)
+    estimator: Literal["cva", "raw"] = "cva"  # raw: see behaviors.raw; cell and axes are then without effect
+    history_length: Annotated[int, Meta(ge=1, le=12)] | None = None  # None: chosen as in 3.2.3; raw: always 1
+    order: Annotated[int, Meta(ge=1, le=8)] | None = None  # None: chosen by AIC (3.6); raw: 2, of a goal 3
     cell: Positive = 0.6  # half width of the middle cell in standard deviations; (3.9) has 1
     axes: Literal["varimax", "canonical"] = "varimax"  # which way the state's axes point; see behaviors.axes
-    # Taken from this skill, an installed name or a path, instead of identified: skills that share an object can be
+    lost_states: Annotated[int, Meta(ge=1, le=2)] = (
+        2  # of an object out of view: 2 tell on which side it was seen last; (3.9) has 1
+    )
+    # Taken whole from this skill, an installed name or a path, instead of estimated: skills that share an object can be
     # coordinated only if they see it through the same model.
     model_of: str | UnsetType = UNSET
 
     def __post_init__(self) -> None:
-        if self.model_of is not UNSET and (self.history_length is not None or self.order is not None):
-            raise ValueError(f"model_of = {self.model_of!r} brings its own history_length and order: leave them out")
+        if self.model_of is not UNSET and (self.estimator, self.history_length, self.order) != ("cva", None, None):
+            raise ValueError(
+                f"model_of = {self.model_of!r} brings its own estimator, history_length and order: leave them out"
+            )
+        if self.estimator == "raw":
+            if self.history_length not in (None, 1):
+                raise ValueError(f"history_length must be 1 with the estimator 'raw', got {self.history_length}")
+            most = len(RAW_COMPONENTS[self.kind])
+            if self.order is not None and self.order > most:
+                raise ValueError(
+                    f"order must be at most {most} for {self.kind!r} with the estimator 'raw', got {self.order}"
+                )
 
 
 class ExperienceSettings(_Settings, frozen=True, kw_only=True):
@@ -64,17 +90,20 @@ class ActionSettings(_Settings, frozen=True, kw_only=True):
 
 
 class LearningSettings(_Settings, frozen=True, kw_only=True):
-    """Q learning with lambda-returns, updated backwards at the end of a trial."""
+    """Tabular Q learning: with lambda-returns, backwards at the end of a trial, or a step at a time as in (B.2)."""
 
-    gamma: Annotated[float, Meta(gt=0.0, lt=1.0)] = 0.99  # a physical step
-    return_lambda: Share = 0.9
+    update: Literal["lambda-returns", "one-step"] = "lambda-returns"  # one-step: (B.2), after each decision
+    gamma: Annotated[float, Meta(gt=0.0, lt=1.0)] = 0.99  # (B.2) has 0.9 an action
+    discount_per: Literal["step", "action"] = "step"  # what gamma is for: a physical step, or an action however long
+    return_lambda: Share = 0.9  # without effect on one-step
     alpha: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.25
-    alpha_visits: Positive = 20.0  # alpha / (1 + visits / this)
-    alpha_min: Share = 0.01
+    alpha_visits: Annotated[float, Meta(ge=0.0, le=1e6)] = 20.0  # alpha / (1 + visits / this); 0: alpha is constant
+    alpha_min: Share = 0.01  # without effect on a constant alpha
     epsilon_start: Share = 0.2  # 3.5.3
     epsilon_end: Share = 0.02
     easy_share: Share = 0.3  # of the trials, in which the missions grow from easy to full
     anywhere_share: Share = 0.0  # of the trials, which start anywhere though the recipe starts in view
+    storage: Literal["dense", "sparse"] = "dense"  # sparse: only states that were visited; see behaviors.table
     # The greedy policy is checked now and then, on starts of its own, and the table that did best is kept: late
     # updates in aliased cells can spoil a good table.
     check_every: Annotated[int, Meta(ge=0)] = 1000  # trials between two checks; 0: keep the last one
@@ -109,14 +138,14 @@ class CoordinationSettings(_Settings, frozen=True, kw_only=True):
 class Recipe(_Settings, frozen=True, kw_only=True):
     """One skill, from nothing or, with ``coordination``, from skills that are there."""
 
-    name: str
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]  # a part of the folder's name
     task: Literal["shoot", "pass", "avoid", "search"]
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     trials: Annotated[int, Meta(ge=1, le=10_000_000)] = 25_000  # [T] a period
     time_limit_steps: Annotated[int, Meta(ge=1, le=100_000)] = 900  # 30 s
     starts: Literal["in-view", "anywhere"] = "in-view"
-    goal_reward: float = 1.0  # [T]
-    collision_reward: float = -0.3  # [T]
+    goal_reward: Annotated[float, Meta(ge=-1e6, le=1e6)] = 1.0  # [T]
+    collision_reward: Annotated[float, Meta(ge=-1e6, le=1e6)] = -0.3  # [T]
     objects: Annotated[tuple[ModelSettings, ...], Meta(min_length=1, max_length=4)]
     mover: MoverSettings = MoverSettings()
     experience: ExperienceSettings = ExperienceSettings()
@@ -138,11 +167,29 @@ class Recipe(_Settings, frozen=True, kw_only=True):
             raise ValueError(f"the task {self.task!r} needs another robot: set mover.kind")
         if self.task != "pass" and any(model.kind == "mate" for model in self.objects) and self.mover.kind != "none":
             raise ValueError("objects: only the task 'pass' has a mate; look at 'robot' instead")
-        if self.coordination is not UNSET and len({model.kind for model in self.objects}) < len(self.objects):
-            raise ValueError("objects: with coordination, every object stands once")
+        if self.coordination is not UNSET:
+            if len({model.kind for model in self.objects}) < len(self.objects):
+                raise ValueError("objects: with coordination, every object stands once")
+            if self.learning.storage == "sparse":
+                raise ValueError("learning.storage: with coordination every state has values from the start: 'dense'")
         others = [model.kind for model in self.objects if model.kind in ("mate", "robot")]
         if others and self.mover.kind == "none":
             raise ValueError(f"objects: {others[0]!r} is another robot, but there is none: set mover.kind")
+
+
+def plain_recipe(recipe: Recipe) -> dict[str, Any]:
+    """Return a recipe as plain data, as a skill file tells it; ``coevo.config.check`` makes an equal recipe of it."""
+    plain: dict[str, Any] = msgspec.to_builtins(recipe)
+    for settings, told in [*zip(recipe.objects, plain["objects"], strict=True), (recipe.learning, plain["learning"])]:
+        for field in msgspec.structs.fields(settings):
+            if field.name in _YOUNGER and told[field.name] == field.default:
+                del told[field.name]
+    return plain
+
+
+def recipe_digest(recipe: Recipe) -> str:
+    """Return the SHA-256 of a recipe."""
+    return hashlib.sha256(msgspec.json.encode(plain_recipe(recipe))).hexdigest()
 
 
 def installed_recipes() -> list[str]:

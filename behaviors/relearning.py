@@ -1,28 +1,31 @@
-"""Learn one skill from several that are learned already, again only where they compete (appendix B.2)."""
+"""Put several learned skills together, to be learned again only where they compete (appendix B.2)."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import msgspec
 import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from behaviors.composite import count_steps, relearn_trials
 from behaviors.coordination import RELEARN, Areas, Behaviour, areas_of, component, first_values, state_values
-from behaviors.learning import Report, best_of_learning, learn, learner, make_scene, no_start
+from behaviors.decisions import make_decisions
+from behaviors.qlearning import make_learner
 from behaviors.recipe import Recipe
-from behaviors.trials import Learner
+from behaviors.scene import make_scene, no_start
+from behaviors.steps import count_steps
+from behaviors.table import Table, make_table
 from coevo.config import check
 from coevo.errors import InputError
-from coevo.skill import ObjectModel, Skill, SkillBank, load_skill, make_bank
+from coevo.skill import ObjectModel, Skill, load_skill, make_bank
 from coevo.soccer.drive import action_set
 from coevo.soccer.rng import game_seed
 
-__all__ = ["Coordinated", "coordinate", "expected_steps", "learn_recipe"]
+__all__ = ["Coordinated", "coordinate", "expected_steps"]
 
 Array = NDArray[np.float64]
 
@@ -34,13 +37,14 @@ class Coordinated:
     """Several skills on their composite space, before anything is learned again.
 
     skill: acts by each skill in its area and by the first values elsewhere.
-    names: of the skills.
+    names, digests: of the skills.
     areas: who acts where.
     values: (states, actions) float64 to learn on: what (B.6) bootstraps from in the areas, first values elsewhere.
     """
 
     skill: Skill
     names: tuple[str, ...]
+    digests: dict[str, str]
     areas: Areas
     values: Array
 
@@ -50,51 +54,27 @@ class Coordinated:
         fixed: NDArray[np.bool_] = self.areas.area != RELEARN
         return fixed
 
+    def table(self) -> Table:
+        """Return a table to learn on, its rows fixed in the no-more-learning areas."""
+        return make_table(*self.values.shape)._replace(values=self.values.copy(), fixed=self.fixed)
+
+    def keep(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return (states, actions) values with the skills' own in their areas.
+
+        The table has them on another level there, and a row that is moved and rounded might choose another action.
+        """
+        return np.where(self.fixed[:, None], self.skill.values, values)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What a skill file tells of it."""
+        return {"skills": self.digests, "states": self.sizes}
+
     @property
     def sizes(self) -> dict[str, int]:
         """Number of states in the area of each skill and in the re-learning area."""
         counted = {name: int((self.areas.area == i).sum()) for i, name in enumerate(self.names)}
         return {**counted, "re-learning": int((self.areas.area == RELEARN).sum())}
-
-
-def learn_recipe(
-    recipe: Recipe, *, seed: int | None = None, trials: int | None = None, report: Report | None = None
-) -> Skill:
-    """Learn what a recipe says: a skill from nothing, or one from several skills.
-
-    Args:
-        recipe: what to learn and how.
-        seed, trials: replace those of the recipe.
-        report: called with (trials done, trials in all, share of the last block that succeeded).
-
-    Raises:
-        InputError: the recipe leaves nothing to learn from, or its skills do not fit it or each other.
-    """
-    if recipe.coordination is UNSET:
-        return learn(recipe, seed=seed, trials=trials, report=report)
-    seed = recipe.seed if seed is None else seed
-    trials = recipe.trials if trials is None else trials
-    start = coordinate(recipe, seed=seed)
-    scene = make_scene(recipe, _bank(start.skill))
-    numbers, fixed, own = learner(recipe), start.fixed, start.skill.values.astype(np.float64)
-    values, visits = start.values.copy(), np.zeros(start.values.shape, np.int64)
-
-    def block(first: int, seeds: NDArray[np.uint64], outcomes: NDArray[np.int64], steps: NDArray[np.int64]) -> bool:
-        return relearn_trials(scene, numbers, fixed, first, trials, seeds, values, visits, outcomes, steps)
-
-    digests = {source: load_skill(source).digest for source in recipe.coordination.skills}
-    return best_of_learning(
-        recipe,
-        start.skill,
-        block,
-        # The skills' own rows: a row moved to another level and rounded might choose another action.
-        lambda: np.where(fixed[:, None], own, values),
-        visits,
-        seed=seed,
-        trials=trials,
-        report=report,
-        about={"coordination": {"skills": digests, "states": start.sizes}},
-    )
 
 
 def coordinate(recipe: Recipe, *, seed: int) -> Coordinated:
@@ -105,7 +85,7 @@ def coordinate(recipe: Recipe, *, seed: int) -> Coordinated:
         seed: of the trials from which the steps to the goals are estimated.
 
     Raises:
-        InputError: see ``learn_recipe``.
+        InputError: the skills do not fit the recipe or each other.
     """
     settings = recipe.coordination
     assert settings is not UNSET
@@ -143,7 +123,8 @@ def coordinate(recipe: Recipe, *, seed: int) -> Coordinated:
         recipe.action.min_steps,
         recipe.action.max_steps,
     )
-    return Coordinated(skill, tuple(one.name for one in behaviours), areas, values)
+    digests = {source: found.digest for source, found in zip(settings.skills, skills, strict=True)}
+    return Coordinated(skill, tuple(one.name for one in behaviours), digests, areas, values)
 
 
 def expected_steps(recipe: Recipe, skill: Skill, *, trials: int, seed: int) -> Array:
@@ -163,12 +144,14 @@ def expected_steps(recipe: Recipe, skill: Skill, *, trials: int, seed: int) -> A
     """
     recipe = msgspec.structs.replace(recipe, starts="anywhere")
     mean = msgspec.structs.replace(recipe.learning, alpha=1.0, alpha_visits=1.0)
-    numbers: Learner = learner(msgspec.structs.replace(recipe, learning=mean))._replace(gamma=1.0)
+    numbers = make_learner(mean)._replace(gamma=1.0)
     expected = np.full((len(skill.values), 1), float(recipe.time_limit_steps))
     visits = np.zeros(expected.shape, np.int64)
     seeds = np.array([game_seed(seed, _STEPS, n) for n in range(trials)], np.uint64)
-    scene = make_scene(recipe, _bank(skill))
-    if not count_steps(scene, numbers, float(recipe.time_limit_steps), seeds, expected, visits):
+    table = make_table(*skill.values.shape)
+    table.fixed[:] = True
+    scene, decisions = make_scene(recipe, skill), make_decisions(recipe.time_limit_steps)
+    if not count_steps(scene, numbers, float(recipe.time_limit_steps), seeds, table, decisions, expected, visits):
         raise no_start(recipe)
     return expected[:, 0]
 
@@ -185,10 +168,6 @@ def _behaviour(recipe: Recipe, skill: Skill, own_states: NDArray[np.int64], seed
     values = skill.values.astype(np.float64)
     worth = state_values(values, steps=steps, gamma=recipe.learning.gamma, reward=own.goal_reward)
     return Behaviour(skill.name, values, worth, own_states, not has_goal and settings.avoid_where == "threat")
-
-
-def _bank(skill: Skill) -> SkillBank:
-    return make_bank([skill], drive=skill.drive, actions=skill.actions)
 
 
 def _check_actions(recipe: Recipe, skill: Skill) -> None:

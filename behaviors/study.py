@@ -16,9 +16,9 @@ import joblib
 import msgspec
 import numpy as np
 
-from behaviors.commands import make_card
+from behaviors.cards import make_card
+from behaviors.learning import learn
 from behaviors.recipe import installed_recipes, read_recipe
-from behaviors.relearning import learn_recipe
 from coevo.console import note, table
 
 __all__ = ["STARTS_SEED", "main"]
@@ -28,7 +28,7 @@ STARTS_SEED = 2_000_000  # of the starts that the study is measured on: neither 
 
 def _one(name: str, seed: int, games: int) -> dict[str, Any]:
     recipe = msgspec.structs.replace(read_recipe(name), seed=seed)
-    return make_card(recipe, learn_recipe(recipe), games=games, seed=STARTS_SEED)
+    return make_card(recipe, learn(recipe), games=games, seed=STARTS_SEED)
 
 
 @click.command()

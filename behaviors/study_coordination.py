@@ -15,9 +15,8 @@ import click
 import joblib
 import msgspec
 
-from behaviors.learning import evaluate, wilson_interval
+from behaviors.learning import evaluate, learn, wilson_interval
 from behaviors.recipe import Recipe, read_recipe
-from behaviors.relearning import learn_recipe
 from behaviors.study import STARTS_SEED
 from coevo.console import note, table
 from coevo.skill import Skill, load_skill
@@ -55,7 +54,7 @@ def _learned(recipe: Recipe, way: str, seed: int, games: int) -> dict[str, Any]:
         trials += sum(int(load_skill(source).about["trials"]) for source in recipe.coordination.skills)
     coordination = msgspec.structs.replace(recipe.coordination, **changes)
     recipe = msgspec.structs.replace(recipe, seed=seed, trials=trials, coordination=coordination)
-    skill = learn_recipe(recipe)
+    skill = learn(recipe)
     return {"way": way, "seed": seed, "trials": trials, "about": skill.about, "found": _measured(recipe, skill, games)}
 
 

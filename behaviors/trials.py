@@ -7,6 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviors.decisions import Decisions, end_decisions, forget_decisions, next_action
+from behaviors.qlearning import Learner
+from behaviors.table import Table, row_of
 from behaviors.task import AVOID, COLLISION, FAILURE, GOING, SUCCESS, TaskParams, judge, move_other, start_trial
 from coevo.compiled import borrowed, entry, helper
 from coevo.skill import SkillBank
@@ -15,7 +18,7 @@ from coevo.soccer.camera import FEATURES, ROBOTS, CameraParams, Retina, look
 from coevo.soccer.physics import Handles, PhysicsParams, advance, reset
 from coevo.soccer.rng import below, normal, uniform
 
-__all__ = ["Learner", "Scene", "gather", "run_trials"]
+__all__ = ["Scene", "command", "gather", "play_trial", "run_trials", "watch"]
 
 
 class Scene(NamedTuple):
@@ -32,43 +35,39 @@ class Scene(NamedTuple):
     commands: NDArray[np.float64]
 
 
-class Learner(NamedTuple):
-    """Numbers of Q learning; see behaviors.recipe.LearningSettings."""
-
-    gamma: float
-    return_lambda: float
-    alpha: float
-    alpha_visits: float
-    alpha_min: float
-    epsilon_start: float
-    epsilon_end: float
-    easy_share: float
-    anywhere_share: float
-
-
 @helper
-def _watch(
-    scene: Scene,
+def watch(
+    camera: CameraParams,
+    bank: SkillBank,
+    memory: Memory,
+    retina: Retina,
     state: NDArray[np.float64],
+    robot: int,
     time: int,
     code: NDArray[np.float64],
     rng: NDArray[np.uint64],
 ) -> None:
-    """Let the learner see and remember."""
-    features, areas = scene.memory.features[0], scene.memory.areas[0]
-    look(scene.camera, state, 0, 0, scene.retina, features, areas)
-    if scene.camera.noise > 0.0:
-        perturb(scene.camera, scene.memory.areas.shape[1] - 1, features, areas, rng)
-    remember(scene.memory, scene.bank, 0, time, code, 0.5 * scene.camera.columns)
+    """Let a robot of side 0 see and remember; ``code``: (2,) action that led to what it sees."""
+    features, areas = memory.features[robot], memory.areas[robot]
+    look(camera, state, robot, 0, retina, features, areas)
+    if camera.noise > 0.0:
+        perturb(camera, memory.areas.shape[1] - 1, features, areas, rng)
+    remember(memory, bank, robot, time, code, 0.5 * camera.columns)
 
 
 @helper
-def _command(scene: Scene, commands: NDArray[np.float64], action: int, rng: NDArray[np.uint64]) -> None:
-    """Give the learner's drive its command, with the noise of the actuators."""
-    commands[0] = scene.commands[action]
-    if scene.physics.actuator_noise > 0.0:
-        commands[0, 0] *= 1.0 + scene.physics.actuator_noise * normal(rng)
-        commands[0, 1] *= 1.0 + scene.physics.actuator_noise * normal(rng)
+def command(
+    physics: PhysicsParams,
+    wanted: NDArray[np.float64],
+    robot: int,
+    commands: NDArray[np.float64],
+    rng: NDArray[np.uint64],
+) -> None:
+    """Give a robot's drive the ``wanted`` (2,) speed and turn rate, with the noise of the actuators."""
+    commands[robot] = wanted
+    if physics.actuator_noise > 0.0:
+        commands[robot, 0] *= 1.0 + physics.actuator_noise * normal(rng)
+        commands[robot, 1] *= 1.0 + physics.actuator_noise * normal(rng)
 
 
 @entry
@@ -114,11 +113,11 @@ def gather(
                     hold_min + below(rng, hold_max - hold_min + 1),
                 )
             left -= 1
-            _command(scene, commands, action, rng)
+            command(scene.physics, scene.commands[action], 0, commands, rng)
             if robots > 1:
                 move_other(task, chases, state, held, commands, rng)
             advance(scene.handles, scene.physics, state, commands, ball_gap, robot_gap)
-            _watch(scene, state, t, scene.codes[action], rng)
+            watch(scene.camera, scene.bank, scene.memory, scene.retina, state, 0, t, scene.codes[action], rng)
             trial[row] = number
             inputs[row] = scene.codes[action]
             for o in range(objects + 1):
@@ -134,17 +133,70 @@ def gather(
 
 
 @helper
-def _greedy(values: NDArray[np.float64], state: int, rng: NDArray[np.uint64]) -> int:
-    """Return the best action of a state; equals are drawn at random."""
-    best, count = 0, 1
-    for a in range(1, values.shape[1]):
-        if values[state, a] > values[state, best]:
-            best, count = a, 1
-        elif values[state, a] == values[state, best]:
-            count += 1
-            if below(rng, count) == 0:
-                best = a
-    return best
+def play_trial(
+    scene: Scene,
+    learner: Learner,
+    learning: bool,
+    random_policy: bool,
+    epsilon: float,
+    ease: float,
+    in_view: bool,
+    table: Table,
+    decisions: Decisions,
+    rng: NDArray[np.uint64],
+) -> tuple[int, int]:
+    """Play one trial; return its outcome and its steps, or -1 steps if no start was found.
+
+    Args:
+        scene, learner, learning, random_policy, table: see ``run_trials``.
+        epsilon: probability of a random action.
+        ease: of the start, 1 near the ball and what is to be done with it, 0 anywhere.
+        in_view: start where the learner sees what the task is about.
+        decisions: filled with those of the trial, with no rewards.
+        rng: the trial's stream.
+    """
+    task, robots, bank = scene.task, scene.task.robots, scene.bank
+    state, commands = np.zeros((robots + 1, 6)), np.zeros((robots, 2))
+    ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
+    touched, held_other = np.full(1, -1), np.zeros(1, np.int64)
+    if not start_trial(task, scene.physics, scene.camera, ease, in_view, state, scene.retina, scene.memory, rng):
+        return GOING, -1
+    reset(scene.handles, state)
+    forget(scene.memory)
+    # What was in view before the trial is anybody's guess; search would else know one lost state only.
+    for o in range(scene.memory.side.shape[1]):
+        scene.memory.side[0, o] = below(rng, 2)
+    chases = uniform(rng) < task.chaser_share
+    forget_decisions(decisions)
+    watch(scene.camera, bank, scene.memory, scene.retina, state, 0, 0, np.zeros(2), rng)
+    outcome, t = GOING, 0
+    while t < task.time_limit and outcome == GOING:
+        action = next_action(
+            scene.memory,
+            bank,
+            0,
+            0,
+            t,
+            learner,
+            table,
+            decisions,
+            learning,
+            random_policy,
+            epsilon,
+            -1,
+            1.0,
+            rng,
+        )
+        command(scene.physics, scene.commands[action], 0, commands, rng)
+        if robots > 1:
+            move_other(task, chases, state, held_other, commands, rng)
+        advance(scene.handles, scene.physics, state, commands, ball_gap, robot_gap)
+        t += 1
+        watch(scene.camera, bank, scene.memory, scene.retina, state, 0, t, scene.codes[action], rng)
+        outcome = judge(task, scene.physics, state, scene.memory, ball_gap, robot_gap, touched, t)
+    if learning and outcome == GOING:
+        decisions.last[0] = row_of(table, discrete_state(scene.memory, bank, 0, 0, t))
+    return outcome, t
 
 
 @entry
@@ -156,8 +208,8 @@ def run_trials(
     first: int,
     total: int,
     seeds: NDArray[np.uint64],
-    values: NDArray[np.float64],
-    visits: NDArray[np.int64],
+    table: Table,
+    decisions: Decisions,
     outcomes: NDArray[np.int64],
     steps: NDArray[np.int64],
 ) -> bool:
@@ -166,108 +218,37 @@ def run_trials(
     Args:
         scene: world, task and models.
         learner: numbers of Q learning.
-        learning: explore and update ``values``; else follow the bank's policy.
+        learning: explore and update ``table``; else follow the bank's policy.
         random_policy: act at random, each action as long as a learned one (a baseline).
         first, total: number of the first of these trials, and of all trials of the learning: set the schedule.
         seeds: (trials,) uint64.
-        values: (states, actions) float64 action values, updated. visits: likewise, how often each was updated.
+        table: action values, updated, with room for every state that these trials may visit.
+        decisions: room for those of one trial; in the end it holds those of the last.
         outcomes: (trials,) filled with GOING (time ran out), SUCCESS, FAILURE or COLLISION.
         steps: (trials,) filled with the length of each trial.
     """
     scene = borrowed(scene)
-    task, robots, bank = scene.task, scene.task.robots, scene.bank
-    state, commands = np.zeros((robots + 1, 6)), np.zeros((robots, 2))
-    ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
-    touched, held_other = np.empty(1, np.int64), np.empty(1, np.int64)
-    standing = np.zeros(2)
+    task = scene.task
     rng = np.zeros(1, np.uint64)
-    # The decisions of one trial: state, action, reward during it, length in steps.
-    room = task.time_limit + 1
-    states, actions = np.empty(room, np.int64), np.empty(room, np.int64)
-    rewards, lengths = np.empty(room), np.empty(room, np.int64)
     for n in range(seeds.shape[0]):
         rng[0] = seeds[n]
         progress = (first + n) / max(total - 1, 1)
-        epsilon = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * progress
+        epsilon = 0.0
+        if learning:
+            epsilon = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * progress
         ease = 0.0
         if learning and learner.easy_share > 0.0:
             ease = max(0.0, 1.0 - progress / learner.easy_share)
         in_view = task.in_view and not (learning and uniform(rng) < learner.anywhere_share)
-        if not start_trial(task, scene.physics, scene.camera, ease, in_view, state, scene.retina, scene.memory, rng):
+        outcomes[n], steps[n] = play_trial(
+            scene, learner, learning, random_policy, epsilon, ease, in_view, table, decisions, rng
+        )
+        if steps[n] < 0:
             return False
-        reset(scene.handles, state)
-        forget(scene.memory)
-        # What was in view before the trial is anybody's guess; search would else know one lost state only.
-        for o in range(scene.memory.side.shape[1]):
-            scene.memory.side[0, o] = below(rng, 2)
-        commands[:] = 0.0
-        touched[0], held_other[0] = -1, 0
-        chases = uniform(rng) < task.chaser_share
-        count, action, held, outcome, t = 0, -1, 0, GOING, 0
-        _watch(scene, state, 0, standing, rng)
-        while t < task.time_limit:
-            if action < 0 or held >= bank.min_steps[0]:
-                now = discrete_state(scene.memory, bank, 0, 0, t)
-                if action < 0 or held >= bank.max_steps[0] or now != states[count - 1]:
-                    if random_policy or (learning and uniform(rng) < epsilon):
-                        action = below(rng, values.shape[1])
-                    elif learning:
-                        action = _greedy(values, now, rng)
-                    else:
-                        action = bank.policy[now]
-                    states[count], actions[count], rewards[count], lengths[count] = now, action, 0.0, 0
-                    count += 1
-                    held = 0
-            held += 1
-            lengths[count - 1] += 1
-            _command(scene, commands, action, rng)
-            if robots > 1:
-                move_other(task, chases, state, held_other, commands, rng)
-            advance(scene.handles, scene.physics, state, commands, ball_gap, robot_gap)
-            t += 1
-            _watch(scene, state, t, scene.codes[action], rng)
-            outcome = judge(task, scene.physics, state, scene.memory, ball_gap, robot_gap, touched, t)
-            if outcome != GOING:
-                break
-        if outcome == SUCCESS:
-            rewards[count - 1] += task.goal_reward
-        elif outcome == COLLISION:
-            rewards[count - 1] += task.collision_reward
-        outcomes[n], steps[n] = outcome, t
+        if outcomes[n] == SUCCESS:
+            decisions.rewards[decisions.made[0] - 1] += task.goal_reward
+        elif outcomes[n] == COLLISION:
+            decisions.rewards[decisions.made[0] - 1] += task.collision_reward
         if learning:
-            last = -1 if outcome != GOING else discrete_state(scene.memory, bank, 0, 0, t)
-            _learn(learner, values, visits, states, actions, rewards, lengths, count, last)
+            end_decisions(learner, table, decisions, decisions.last[0])
     return True
-
-
-@helper
-def _learn(
-    learner: Learner,
-    values: NDArray[np.float64],
-    visits: NDArray[np.int64],
-    states: NDArray[np.int64],
-    actions: NDArray[np.int64],
-    rewards: NDArray[np.float64],
-    lengths: NDArray[np.int64],
-    count: int,
-    last: int,
-) -> None:
-    """Update the values backwards through one trial with lambda-returns.
-
-    The return of a decision is r + gamma^steps ((1 - lambda) max Q(next) + lambda * return of the next). A trial that
-    ran out of time goes on in the value of the state it reached (``last``); one that ended has none (-1).
-    """
-    ahead = 0.0
-    for k in range(count - 1, -1, -1):
-        discount = learner.gamma ** lengths[k]
-        following = last if k == count - 1 else states[k + 1]
-        target = rewards[k]
-        if following >= 0:
-            best = values[following].max()
-            mixed = best if k == count - 1 else (1.0 - learner.return_lambda) * best + learner.return_lambda * ahead
-            target += discount * mixed
-        ahead = target
-        s, a = states[k], actions[k]
-        alpha = max(learner.alpha_min, learner.alpha / (1.0 + visits[s, a] / learner.alpha_visits))
-        values[s, a] += alpha * (target - values[s, a])
-        visits[s, a] += 1

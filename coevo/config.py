@@ -362,15 +362,19 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def to_toml(settings: Struct) -> str:
-    """Return every setting, resolved, as TOML that 'check' reads back to equal settings."""
+    """Return every setting, resolved, as TOML that 'check' reads back to equal settings.
+
+    TOML has no word for None: such a setting is left out, and None is what it is then.
+    """
     return tomli_w.dumps(_without_none(msgspec.to_builtins(settings)))
 
 
 def _without_none(data: Any) -> Any:
-    """Leave out what is None: TOML has no word for it, and 'check' takes a missing setting for its default."""
     if isinstance(data, Mapping):
         return {key: _without_none(value) for key, value in data.items() if value is not None}
-    return [_without_none(value) for value in data] if isinstance(data, list | tuple) else data
+    if isinstance(data, list | tuple):
+        return [_without_none(value) for value in data]
+    return data
 
 
 def override(data: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, Any]:

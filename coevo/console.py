@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
-from collections.abc import Callable, Sequence
-from types import TracebackType
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType, TracebackType
 from typing import Any, Self, TypeVar
 
 import click
 
-__all__ = ["Progress", "duration", "emit", "note", "output_options", "table"]
+__all__ = ["Progress", "duration", "emit", "note", "output_options", "put_off_interrupt", "table"]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -53,6 +56,30 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         return "  ".join(cells).rstrip()
 
     return "\n".join([line(header), *(line(row) for row in rows)])
+
+
+@contextmanager
+def put_off_interrupt() -> Iterator[None]:
+    """Let what is within end before Ctrl-C is obeyed, so that it is done whole or not at all.
+
+    Python gives signals to the main thread only; elsewhere there is nothing to put off.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came = False
+
+    def remember(_number: int, _frame: FrameType | None) -> None:
+        nonlocal came
+        came = True
+
+    before = signal.signal(signal.SIGINT, remember)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt
 
 
 class Progress:

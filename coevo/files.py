@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 import zipfile
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["DamagedFileError", "pack_arrays", "read_arrays", "write_whole"]
+__all__ = ["DamagedFileError", "digest_of", "pack_arrays", "read_arrays", "write_whole"]
 
 
 class DamagedFileError(Exception):
@@ -67,3 +68,12 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
             }
     except (ValueError, EOFError, KeyError, OSError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise DamagedFileError(str(error)) from None
+
+
+def digest_of(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.uint8]:
+    """Return the SHA-256 of arrays and their names, (32,)."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        digest.update(f"{name} {arrays[name].dtype} {arrays[name].shape}".encode())
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return np.frombuffer(digest.digest(), np.uint8)

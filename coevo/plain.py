@@ -25,7 +25,6 @@ from coevo.soccer.camera import ROBOTS, camera_params, make_retina, object_count
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params
 from coevo.soccer.placement import place, regions
-from coevo.soccer.vision import extract, render
 from coevo.soccer.world import World
 from coevo.tree import SKILLS, Tree, function_set
 
@@ -88,7 +87,7 @@ class PlainGame:
         self._policies = {name: skill.policy for name, skill in self._skills.items()}
         self._history = max(model.history_length for skill in self._skills.values() for model in skill.objects)
         self._actions = action_set(settings.world.robot)
-        self._eye: _Eye = self._analytic_eye if camera == "analytic" else self._opencv_eye
+        self._eye: _Eye = self._analytic_eye if camera == "analytic" else self._make_opencv_eye()
         self._camera = camera_params(settings.world)
         self._retina = make_retina(settings.world)
 
@@ -98,10 +97,16 @@ class PlainGame:
         see(self._camera, state, robot, self.settings.players[robot].team, self._retina, features, areas)
         return features, areas
 
-    def _opencv_eye(self, state: NDArray[np.float64], robot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        world, side = self.settings.world, self.settings.players[robot].team
-        image = render(world, state, robot, supersample=1)  # the fastest: one pixel a pixel
-        return extract(image, world, len(self.settings.players), robot, side)
+    def _make_opencv_eye(self) -> _Eye:
+        from coevo.soccer.vision import extract, render
+
+        world, players = self.settings.world, self.settings.players
+
+        def look(state: NDArray[np.float64], robot: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            image = render(world, state, robot, supersample=1)  # the fastest: one pixel a pixel
+            return extract(image, world, len(players), robot, players[robot].team)
+
+        return look
 
     def play(self, trees: Sequence[Tree | None], seed: np.uint64) -> tuple[Outcome, Trace]:
         """Play one game; the arguments and results are those of ``coevo.game.Arena.trace``."""

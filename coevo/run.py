@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from coevo.config import RunSettings, check, read_toml, to_toml
 from coevo.errors import InputError
-from coevo.files import DamagedFileError, pack_arrays, read_arrays, write_whole
+from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, write_whole
 from coevo.tree import Tree, from_codes, function_set
 
 if TYPE_CHECKING:
@@ -99,14 +99,6 @@ def _writing(path: Path) -> Iterator[None]:
 def _write_whole(path: Path, data: bytes) -> None:
     with _writing(path):
         write_whole(path, data)
-
-
-def _digest(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.uint8]:
-    digest = hashlib.sha256()
-    for name in sorted(arrays):
-        digest.update(f"{name} {arrays[name].dtype} {arrays[name].shape}".encode())
-        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
-    return np.frombuffer(digest.digest(), np.uint8)
 
 
 def _lines(generation: int, records: Sequence[GenerationRecord]) -> list[str]:
@@ -233,7 +225,7 @@ class Run:
         try:
             arrays = read_arrays(path)
             stored = arrays.pop("digest")
-            if not np.array_equal(stored, _digest(arrays)):
+            if not np.array_equal(stored, digest_of(arrays)):
                 raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
             if int(arrays["format"][0]) != _FORMAT:
                 raise InputError(
@@ -336,7 +328,7 @@ class Run:
         for robot, codes in checkpoint.populations.items():
             arrays[f"sizes_{robot}"] = np.array([len(tree) for tree in codes], np.int64)
             arrays[f"codes_{robot}"] = np.concatenate(codes)
-        arrays["digest"] = _digest(arrays)
+        arrays["digest"] = digest_of(arrays)
         _write_whole(self.path / "checkpoint.npz", pack_arrays(arrays))
 
     def lock(self) -> Callable[[], None]:

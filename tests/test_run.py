@@ -19,7 +19,8 @@ import pytest
 
 from coevo.config import RunSettings, check, read_toml
 from coevo.errors import InputError
-from coevo.run import Checkpoint, Run, _digest, create_run, open_run
+from coevo.files import digest_of
+from coevo.run import Checkpoint, Run, create_run, open_run
 from coevo.tree import Tree, from_codes, function_set
 
 WRITES = ("generations.csv", "part", "checkpoint.npz")  # of one generation, in their order
@@ -357,7 +358,7 @@ def rewritten(run, changed):
         arrays = {name: archive[name] for name in archive.files if name != "digest"}
     arrays |= changed
     arrays = {name: array for name, array in arrays.items() if array is not None}
-    np.savez(path, **arrays, digest=_digest(arrays))
+    np.savez(path, **arrays, digest=digest_of(arrays))
 
 
 def test_a_checkpoint_of_another_format_is_refused(copied_run):

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from typing import Self
 
-import joblib
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +69,10 @@ class Evaluator:
     """
 
     def __init__(self, settings: RunSettings, *, workers: int, backend: str) -> None:
+        import joblib
+
         self._settings = msgspec.json.encode(settings)
+        self._task = joblib.delayed(_play)
         self._parallel = joblib.Parallel(n_jobs=workers, backend=_JOBLIB[backend], return_as="generator")
 
     def __enter__(self) -> Self:
@@ -87,7 +89,6 @@ class Evaluator:
 
     def play(self, generation: int, groups: Sequence[Sequence[Program | None]]) -> Iterator[Outcome]:
         """Yield the outcome of each group's games, in the order of the groups."""
-        tasks = (
-            joblib.delayed(_play)(self._settings, generation, group, programs) for group, programs in enumerate(groups)
+        yield from self._parallel(
+            self._task(self._settings, generation, group, programs) for group, programs in enumerate(groups)
         )
-        yield from self._parallel(tasks)

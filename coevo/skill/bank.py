@@ -23,8 +23,8 @@ class SkillBank(NamedTuple):
     """Skills s, each with up to M models.
 
     models: (skills,) number of models.
-    objects, lengths, orders, features, states: (skills, M) code of the object, history length, order, number of
-        features, number of states.
+    objects, lengths, orders, features, states, lost: (skills, M) code of the object, history length, order, number of
+        features, number of states, and how many of these are for "not visible".
     memory: (skills, M, order, past) float64 memory matrices, padded with zeros.
     offset: (skills, M, order) float64, memory matrix times past mean.
     cells: (skills, M) float64.
@@ -41,6 +41,7 @@ class SkillBank(NamedTuple):
     orders: NDArray[np.int64]
     features: NDArray[np.int64]
     states: NDArray[np.int64]
+    lost: NDArray[np.int64]
     memory: NDArray[np.float64]
     offset: NDArray[np.float64]
     cells: NDArray[np.float64]
@@ -67,13 +68,20 @@ def make_bank(skills: Sequence[Skill], *, drive: str, actions: int) -> SkillBank
     count, most = len(skills), max(len(skill.objects) for skill in skills)
     order = max(model.order for skill in skills for model in skill.objects)
     past = max(model.memory_matrix.shape[1] for skill in skills for model in skill.objects)
-    table = np.zeros((5, count, most), np.int64)
+    table = np.zeros((6, count, most), np.int64)
     memory, offset = np.zeros((count, most, order, past)), np.zeros((count, most, order))
     cells = np.zeros((count, most))
     for s, skill in enumerate(skills):
         for i, model in enumerate(skill.objects):
             features = OBJECT_KINDS[model.kind]
-            table[:, s, i] = _CODES[model.kind], model.history_length, model.order, features, model.states
+            table[:, s, i] = (
+                _CODES[model.kind],
+                model.history_length,
+                model.order,
+                features,
+                model.states,
+                model.lost_states,
+            )
             memory[s, i, : model.order, : model.history_length * (INPUTS + features)] = model.memory_matrix
             offset[s, i, : model.order] = model.memory_matrix @ model.past_mean
             cells[s, i] = model.cell
@@ -85,6 +93,7 @@ def make_bank(skills: Sequence[Skill], *, drive: str, actions: int) -> SkillBank
         orders=table[2],
         features=table[3],
         states=table[4],
+        lost=table[5],
         memory=memory,
         offset=offset,
         cells=cells,

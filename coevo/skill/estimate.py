@@ -155,8 +155,9 @@ def discrete_state(memory: Memory, bank: SkillBank, skill: int, robot: int, time
             thing = memory.areas.shape[1] - 1
         states = bank.states[skill, i]
         if thing < 0 or memory.areas[robot, thing] <= 0.0:
-            side = memory.side[robot, thing] if thing >= 0 else 0
-            state = state * states + states - 2 + side
+            lost = bank.lost[skill, i]
+            side = memory.side[robot, thing] if thing >= 0 and lost > 1 else 0
+            state = state * states + states - lost + side
             continue
         length, features = bank.lengths[skill, i], bank.features[skill, i]
         window, at, slot = memory.window, 2 * length, newest

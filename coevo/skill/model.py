@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import importlib.resources
 import json
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,14 +19,17 @@ from coevo.errors import InputError, nearest_name
 from coevo.files import DamagedFileError, pack_arrays, read_arrays, write_whole
 
 __all__ = [
+    "MOST_STATES",
     "OBJECT_KINDS",
     "ObjectModel",
     "Skill",
     "installed_skills",
     "load_skill",
+    "pack_models",
     "read_card",
     "skill_path",
     "state_count",
+    "unpack_models",
 ]
 
 FORMAT = 1
@@ -33,13 +37,14 @@ FORMAT = 1
 # other robot looks largest.
 OBJECT_KINDS = {"ball": 4, "own_goal": 11, "opponent_goal": 11, "mate": 5, "robot": 5}
 INPUTS = 2
+MOST_STATES = 20_000_000  # of one skill; its table is then near a gigabyte
 _CELLS = 3  # (3.9)
-_LOST_CELLS = 2  # last seen left, last seen right
+_LOST_STATES = 2  # of a file that does not say: the only number there was when the first skills were learned
 
 
-def state_count(order: int) -> int:
-    """Return the number of discrete states of one object: three cells an element (3.9), and two for "not visible"."""
-    return int(_CELLS**order) + _LOST_CELLS
+def state_count(order: int, lost_states: int) -> int:
+    """Return the number of discrete states of one object: three cells an element (3.9), and those for "not visible"."""
+    return int(_CELLS**order) + lost_states
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,7 @@ class ObjectModel:
         memory_matrix: (order, l * (2 + features)) float64; the past is newest first, actions before observations.
         past_mean: (l * (2 + features),) float64.
         cell: half the width of the middle cell, in standard deviations; (3.9) has 1.
+        lost_states: states for "not visible": 2 tell on which side it was seen last, (3.9) has 1.
     """
 
     kind: str
@@ -59,6 +65,7 @@ class ObjectModel:
     memory_matrix: NDArray[np.float64]
     past_mean: NDArray[np.float64]
     cell: float
+    lost_states: int = _LOST_STATES
 
     @property
     def order(self) -> int:
@@ -68,7 +75,7 @@ class ObjectModel:
     @property
     def states(self) -> int:
         """Number of discrete states."""
-        return state_count(self.order)
+        return state_count(self.order, self.lost_states)
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,7 @@ class Skill:
         values: (states, actions) float32 action values.
         min_steps, max_steps: how long an action lasts; in between it ends when the state changes (3.3.1).
         about: how it was learned (recipe, seed, trials), plain data.
+        sparse: the file holds only the rows that are not all zeros, as most are where few states were visited.
     """
 
     name: str
@@ -91,9 +99,10 @@ class Skill:
     min_steps: int
     max_steps: int
     about: Mapping[str, Any] = field(default_factory=dict)
+    sparse: bool = False
 
     def __post_init__(self) -> None:
-        states = int(np.prod([model.states for model in self.objects]))
+        states = math.prod(model.states for model in self.objects)
         if not self.objects or self.values.ndim != 2 or self.values.shape[0] != states:
             raise ValueError(f"values must have one row for each of {states} states, got shape {self.values.shape}")
         numbers = [self.values, *(part for m in self.objects for part in (m.memory_matrix, m.past_mean, m.cell))]
@@ -102,6 +111,8 @@ class Skill:
         for model in self.objects:
             if model.history_length < 1:
                 raise ValueError(f"history_length of {model.kind} must be at least 1, got {model.history_length}")
+            if model.lost_states not in (1, 2):
+                raise ValueError(f"lost_states of {model.kind} must be 1 or 2, got {model.lost_states}")
             if model.kind not in OBJECT_KINDS:
                 raise ValueError(f"object must be one of {', '.join(OBJECT_KINDS)}, got {model.kind!r}")
             past = model.history_length * (INPUTS + OBJECT_KINDS[model.kind])
@@ -131,32 +142,88 @@ class Skill:
         digest.update(np.ascontiguousarray(self.values).tobytes())
         for model in self.objects:
             digest.update(f"{model.kind} {model.history_length} {model.cell!r}".encode())
+            if model.lost_states != _LOST_STATES:
+                digest.update(f" {model.lost_states} lost".encode())
             digest.update(np.ascontiguousarray(model.memory_matrix).tobytes())
             digest.update(np.ascontiguousarray(model.past_mean).tobytes())
         return digest.hexdigest()
 
     def save(self, path: Path) -> None:
         """Write the skill as npz, whole or not at all; the same skill gives the same bytes."""
+        objects, models = pack_models(self.objects)
         header = {
             "format": FORMAT,
             "name": self.name,
             "drive": self.drive,
             "min_steps": self.min_steps,
             "max_steps": self.max_steps,
-            "objects": [
-                {"kind": m.kind, "history_length": m.history_length, "order": m.order, "cell": m.cell}
-                for m in self.objects
-            ],
+            "objects": objects,
             "about": dict(self.about),
             "digest": self.digest,
         }
         arrays: dict[str, NDArray[Any]] = {
             "header": np.frombuffer(json.dumps(header, sort_keys=True).encode(), np.uint8),
-            "values": self.values,
         }
-        for i, model in enumerate(self.objects):
-            arrays[f"memory_matrix_{i}"], arrays[f"past_mean_{i}"] = model.memory_matrix, model.past_mean
-        write_whole(path, pack_arrays(arrays))
+        if self.sparse:
+            rows = np.flatnonzero(self.values.any(axis=1))
+            arrays["rows"], arrays["values"] = rows.astype(np.int64), self.values[rows]
+        else:
+            arrays["values"] = self.values
+        write_whole(path, pack_arrays({**arrays, **models}))
+
+
+def pack_models(models: Sequence[ObjectModel]) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    """Return models as plain data and arrays, for ``unpack_models``."""
+    plain: list[dict[str, Any]] = []
+    arrays: dict[str, NDArray[Any]] = {}
+    for i, model in enumerate(models):
+        plain.append(
+            {"kind": model.kind, "history_length": model.history_length, "order": model.order, "cell": model.cell}
+        )
+        if model.lost_states != _LOST_STATES:
+            plain[-1]["lost_states"] = model.lost_states
+        arrays[f"memory_matrix_{i}"], arrays[f"past_mean_{i}"] = model.memory_matrix, model.past_mean
+    return plain, arrays
+
+
+def unpack_models(plain: Sequence[Mapping[str, Any]], arrays: Mapping[str, NDArray[Any]]) -> tuple[ObjectModel, ...]:
+    """Return the models that ``pack_models`` was given.
+
+    Raises:
+        KeyError, TypeError, ValueError: that is not what came.
+    """
+    return tuple(
+        ObjectModel(
+            str(item["kind"]),
+            int(item["history_length"]),
+            np.asarray(arrays[f"memory_matrix_{i}"], np.float64),
+            np.asarray(arrays[f"past_mean_{i}"], np.float64),
+            float(item["cell"]),
+            int(item.get("lost_states", _LOST_STATES)),
+        )
+        for i, item in enumerate(plain)
+    )
+
+
+def _all_rows(arrays: Mapping[str, NDArray[Any]], states: int) -> NDArray[np.float32]:
+    """Return (states, actions) values, of a file that holds all rows or only some.
+
+    Raises:
+        KeyError, ValueError: the arrays are not those of a table with that many states.
+    """
+    values = np.asarray(arrays["values"], np.float32)
+    if "rows" not in arrays:
+        return values
+    rows = np.asarray(arrays["rows"], np.int64)
+    if states > MOST_STATES:
+        raise ValueError(f"a skill may have {MOST_STATES} states at most, this one would have {states}")
+    if rows.ndim != 1 or values.ndim != 2 or len(rows) != len(values):
+        raise ValueError(f"expected a row number for each row of values, got shapes {rows.shape} and {values.shape}")
+    if len(rows) and (rows[0] < 0 or rows[-1] >= states or np.any(np.diff(rows) <= 0)):
+        raise ValueError(f"row numbers must ascend from 0 or more to less than {states}")
+    table = np.zeros((states, values.shape[1]), np.float32)
+    table[rows] = values
+    return table
 
 
 def load_skill(source: str | Path) -> Skill:
@@ -181,24 +248,16 @@ def load_skill(source: str | Path) -> Skill:
             raise InputError(
                 f"{path} has format {header['format']}, this version reads format {FORMAT}; learn it again"
             )
-        objects = tuple(
-            ObjectModel(
-                str(item["kind"]),
-                int(item["history_length"]),
-                np.asarray(arrays[f"memory_matrix_{i}"], np.float64),
-                np.asarray(arrays[f"past_mean_{i}"], np.float64),
-                float(item["cell"]),
-            )
-            for i, item in enumerate(header["objects"])
-        )
+        objects = unpack_models(header["objects"], arrays)
         skill = Skill(
             str(header["name"]),
             str(header["drive"]),
             objects,
-            np.asarray(arrays["values"], np.float32),
+            _all_rows(arrays, math.prod(model.states for model in objects)),
             int(header["min_steps"]),
             int(header["max_steps"]),
             dict(header["about"]),
+            sparse="rows" in arrays,
         )
     except InputError:
         raise

@@ -16,16 +16,13 @@ where (x, y) is the centroid of what is visible.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from coevo.compiled import entry, inlined
-from coevo.soccer.optics import CameraParams, Retina, camera_params, make_retina
+from coevo.soccer.bits import ones, sum_of_places, zeros_above, zeros_below
+from coevo.soccer.optics import CameraParams, Retina, camera_params, make_retina, whole_blocks
 from coevo.soccer.silhouette import ball_words, goal_words, robot_words
 
 __all__ = [
@@ -49,21 +46,14 @@ __all__ = [
 BALL, OWN_GOAL, OPPONENT_GOAL, ROBOTS = 0, 1, 2, 3  # order of objects; the other robots follow in their order
 BALL_FEATURES, GOAL_FEATURES, ROBOT_FEATURES, FEATURES = 4, 11, 5, 11
 _NEAR = 1e-6
+_FAR = 1 << 40
+_SHIFT = 20  # bits of a column's number
+_COLUMN = (1 << _SHIFT) - 1
 
 
 def object_count(robots: int) -> int:
     """Return how many objects each robot may see: the ball, two goals and every other robot."""
     return ROBOTS + robots - 1
-
-
-@intrinsic
-def _trailing_zeros(_typing: Any, _word: Any) -> Any:
-    """Count the zeros below the lowest set bit of a non-zero 64-bit word."""
-
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
-
-    return types.uint64(types.uint64), generate
 
 
 @inlined
@@ -77,55 +67,43 @@ def _collect(
 ) -> float:
     """Take the visible part of an object, mark it occupied, measure it; return its area (0: not visible).
 
-    ``out``: (11,) features; for a goal as documented, else x, y, width, height.
+    ``out``: (11,) features; for a goal as documented, else x, y, width, height. Everything is summed up in integers,
+    and without branches, so that LLVM computes several columns at once.
     """
-    area, sum_x, sum_y = 0, 0.0, 0.0
-    left, right, top, bottom = first + columns, -1, 64, -1
-    upper_left, upper_right, lower_left, lower_right = 999, -999, 999, -999
-    for k in range(columns):
+    area, sum_c, sum_row = 0, 0, 0
+    left, right, top, bottom = _FAR, -1, 64, -1
+    # A corner is where column + row or column - row is least or greatest, the leftmost place of several. So this number
+    # and, below it, the column are put into one integer.
+    upper_left, upper_right, lower_left, lower_right = _FAR, -_FAR, _FAR, -_FAR
+    for k in range(whole_blocks(columns)):
         c = first + k
-        word = words[k] & ~occupied[c]
-        if word == np.uint64(0):
-            continue
-        occupied[c] |= word
-        if right < 0:
-            left = c
-        right = c
-        count, position, lowest, row_sum = 0, 0, -1, 0.0
-        while word != np.uint64(0):
-            gap = int(_trailing_zeros(word))
-            word >>= np.uint64(gap)
-            position += gap
-            if lowest < 0:
-                lowest = position
-            run = 64
-            if word != np.uint64(0xFFFFFFFFFFFFFFFF):
-                run = int(_trailing_zeros(~word))
-            count += run
-            row_sum += run * (position + 0.5 * run)
-            position += run
-            word = word >> np.uint64(run) if run < 64 else np.uint64(0)
-        highest = position - 1
+        word = words[np.uint64(k)] & ~occupied[np.uint64(c)]
+        occupied[np.uint64(c)] |= word
+        count, lowest, highest = ones(word), zeros_below(word), 63 - zeros_above(word)
         area += count
-        sum_x += count * (c + 0.5)
-        sum_y += row_sum
-        top, bottom = min(top, lowest), max(bottom, highest)
+        sum_c += count * c
+        sum_row += sum_of_places(word)
+        seen = count > 0
         if corners:
-            if c + lowest < upper_left:
-                upper_left = c + lowest
-                out[2], out[3] = c + 0.5, lowest + 0.5
-            if c - lowest > upper_right:
-                upper_right = c - lowest
-                out[4], out[5] = c + 0.5, lowest + 0.5
-            if c - highest < lower_left:
-                lower_left = c - highest
-                out[6], out[7] = c + 0.5, highest + 0.5
-            if c + highest > lower_right:
-                lower_right = c + highest
-                out[8], out[9] = c + 0.5, highest + 0.5
+            upper_left = min(upper_left, ((c + lowest) << _SHIFT) + c if seen else _FAR)
+            upper_right = max(upper_right, ((c - lowest) << _SHIFT) - c if seen else -_FAR)
+            lower_left = min(lower_left, ((c - highest) << _SHIFT) + c if seen else _FAR)
+            lower_right = max(lower_right, ((c + highest) << _SHIFT) - c if seen else -_FAR)
+        else:
+            left, right = min(left, c if seen else _FAR), max(right, c if seen else -1)
+            top, bottom = min(top, lowest), max(bottom, highest)
     if area > 0:
-        out[0], out[1] = sum_x / area, sum_y / area
-        if not corners:
+        out[0], out[1] = (sum_c + 0.5 * area) / area, (sum_row + 0.5 * area) / area
+        if corners:
+            c = upper_left & _COLUMN
+            out[2], out[3] = c + 0.5, (upper_left >> _SHIFT) - c + 0.5
+            c = -upper_right & _COLUMN
+            out[4], out[5] = c + 0.5, c - ((upper_right + c) >> _SHIFT) + 0.5
+            c = lower_left & _COLUMN
+            out[6], out[7] = c + 0.5, c - (lower_left >> _SHIFT) + 0.5
+            c = -lower_right & _COLUMN
+            out[8], out[9] = c + 0.5, ((lower_right + c) >> _SHIFT) - c + 0.5
+        else:
             out[2], out[3] = right - left + 1.0, bottom - top + 1.0
     return float(area)
 
@@ -187,9 +165,9 @@ def look(
         if forward <= -size or right - size > reach or right + size < -reach:
             continue
         if nearest == ball:
-            first, count = ball_words(camera, forward, right, retina, words)
+            first, count = ball_words(camera, forward, right, words)
         else:
-            first, count = robot_words(camera, forward, right, retina, words)
+            first, count = robot_words(camera, forward, right, words)
         if count > 0:
             areas[thing] = _collect(words, occupied, first, count, False, features[thing])
             row = features[thing]
@@ -216,7 +194,7 @@ def look(
         right_reach = edge * (right_f * camera.cos_tilt + deepest)
         if (left_r > left_reach and right_r > right_reach) or (left_r < -left_reach and right_r < -right_reach):
             continue  # both posts lie beyond the same edge of the image
-        first, count = goal_words(camera, left_f, left_r, right_f, right_r, retina, words)
+        first, count = goal_words(camera, left_f, left_r, right_f, right_r, words)
         if count > 0:
             areas[thing] = _collect(words, occupied, first, count, True, features[thing])
             features[thing, 10] = areas[thing]

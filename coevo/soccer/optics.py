@@ -8,9 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from coevo.compiled import inlined
 from coevo.config import WorldSettings
 
-__all__ = ["CameraParams", "Retina", "camera_params", "make_retina"]
+__all__ = ["CameraParams", "Retina", "camera_params", "make_retina", "whole_blocks"]
+
+_BLOCK = 8
 
 
 class CameraParams(NamedTuple):
@@ -57,24 +60,27 @@ def camera_params(world: WorldSettings) -> CameraParams:
 
 
 class Retina(NamedTuple):
-    """Room for one image.
+    """Room for one image, and for as many columns more as the last block may have.
 
-    words: (columns,) uint64, the rows that the object under way covers, from its first column on.
-    occupied: (columns,) uint64, all that is covered. lows, highs: (columns,) float64, scratch.
+    words: uint64, the rows that the object under way covers, from its first column on.
+    occupied: uint64, all that is covered.
     """
 
     words: NDArray[np.uint64]
     occupied: NDArray[np.uint64]
-    lows: NDArray[np.float64]
-    highs: NDArray[np.float64]
 
 
 def make_retina(world: WorldSettings) -> Retina:
     """Make room for the images of a camera."""
-    columns = world.camera.width_px
-    return Retina(
-        words=np.zeros(columns, np.uint64),
-        occupied=np.zeros(columns, np.uint64),
-        lows=np.zeros(columns),
-        highs=np.zeros(columns),
-    )
+    columns = world.camera.width_px + _BLOCK
+    return Retina(words=np.zeros(columns, np.uint64), occupied=np.zeros(columns, np.uint64))
+
+
+@inlined
+def whole_blocks(columns: int) -> int:
+    """Return the number of columns rounded up to whole blocks.
+
+    Most objects cover a few columns only. LLVM computes several at once, and the rest one by one, which costs more:
+    with whole blocks there is no rest.
+    """
+    return (columns + _BLOCK - 1) & -_BLOCK

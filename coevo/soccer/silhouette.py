@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.compiled import inlined
-from coevo.soccer.optics import CameraParams, Retina
+from coevo.soccer.optics import CameraParams, whole_blocks
 
 __all__ = ["ball_words", "goal_words", "robot_words"]
 
@@ -36,21 +36,26 @@ class _Rim(NamedTuple):
     k2: float
 
 
-@inlined
-def _fill_rows(camera: CameraParams, retina: Retina, count: int, words: NDArray[np.uint64]) -> None:
-    """Set the words of columns to the rows whose centres lie in [low, high] (in focal lengths, downwards).
+class _Side(NamedTuple):
+    """An upright line in the image: lowest and highest column, and its row as height + slope * column."""
 
-    Written without branches, so that LLVM computes several columns at once.
-    """
+    low: float
+    high: float
+    height: float
+    slope: float
+
+
+@inlined
+def _rows_between(camera: CameraParams, low: float, high: float) -> np.uint64:
+    """Return the word of the rows whose centres lie in [low, high] (in focal lengths, downwards)."""
     half, bottom = 0.5 * camera.rows - 0.5, camera.rows - 1.0
+    top = math.ceil(min(max(low * camera.fy + half, 0.0), 64.0))
+    foot = math.floor(min(max(high * camera.fy + half, -1.0), bottom))
+    rows = max(foot - top + 1.0, 0.0)
+    # Two shifts, since a shift by 64 is undefined.
     ones = np.uint64(0xFFFFFFFFFFFFFFFF)
-    for k in range(count):
-        top = math.ceil(min(max(retina.lows[k] * camera.fy + half, 0.0), 64.0))
-        foot = math.floor(min(max(retina.highs[k] * camera.fy + half, -1.0), bottom))
-        rows = max(foot - top + 1.0, 0.0)
-        # Two shifts, since a shift by 64 is undefined.
-        word = (ones >> np.uint64(np.int32(63.0 - max(rows - 1.0, 0.0)))) << np.uint64(np.int32(min(top, 63.0)))
-        words[k] = word if rows > 0.0 else np.uint64(0)
+    word = (ones >> np.uint64(np.int32(63.0 - max(rows - 1.0, 0.0)))) << np.uint64(np.int32(min(top, 63.0)))
+    return word if rows > 0.0 else np.uint64(0)
 
 
 @inlined
@@ -67,7 +72,6 @@ def ball_words(
     camera: CameraParams,
     forward: float,
     right: float,
-    retina: Retina,
     words: NDArray[np.uint64],
 ) -> tuple[int, int]:
     """Fill the column words of the ball; return the range of columns (empty if it is out of view)."""
@@ -87,15 +91,15 @@ def ball_words(
     cone = x * x + y * y + z * z - square
     quadratic = y * y - cone
     scale, per_column, start = -1.0 / quadratic, 1.0 / camera.fx, first - 0.5 * camera.columns + 0.5
-    for k in range(count):
+    for k in range(whole_blocks(count)):
         a = (start + k) * per_column
         ahead = a * x + z
         linear = y * ahead
         under = linear * linear - quadratic * (ahead * ahead - cone * (a * a + 1.0))
         root = math.sqrt(max(under, 0.0))
-        retina.lows[k] = (linear - root) * scale if under >= 0.0 else 9.0
-        retina.highs[k] = (linear + root) * scale
-    _fill_rows(camera, retina, count, words)
+        low = (linear - root) * scale if under >= 0.0 else 9.0
+        word = _rows_between(camera, low, (linear + root) * scale)
+        words[k] = word if k < count else np.uint64(0)
     return first, count
 
 
@@ -125,7 +129,6 @@ def robot_words(
     camera: CameraParams,
     forward: float,
     right: float,
-    retina: Retina,
     words: NDArray[np.uint64],
 ) -> tuple[int, int]:
     """Fill the column words of another robot; return the range of columns (empty if it is out of view)."""
@@ -143,64 +146,59 @@ def robot_words(
     if count == 0:
         return _NOWHERE
     # The outline is the hull of the two rims: their arcs, and the two upright lines that touch both.
-    start = first - 0.5 * camera.columns + 0.5
-    for k in range(count):
-        retina.lows[k], retina.highs[k] = 9.0, -9.0
-    _add_rim(camera, floor, retina, start, count)
-    _add_rim(camera, top, retina, start, count)
     tangent = math.sqrt(distance2 - square)
     ahead, aside = tangent * tangent / distance2, tangent * radius / distance2
-    for sign in (-1.0, 1.0):
-        f, r = ahead * forward - sign * aside * right, ahead * right + sign * aside * forward
-        _add_side(camera, f, r, floor.drop, top.drop, retina, start, count)
-    _fill_rows(camera, retina, count, words)
+    f, r, df, dr = ahead * forward, ahead * right, aside * right, aside * forward
+    one = _make_side(camera, f + df, r - dr, floor.drop, top.drop)
+    other = _make_side(camera, f - df, r + dr, floor.drop, top.drop)
+    floor_scale, top_scale = 1.0 / floor.leading, 1.0 / top.leading
+    start, per_column = first - 0.5 * camera.columns + 0.5, 1.0 / camera.fx
+    for k in range(whole_blocks(count)):
+        a = (start + k) * per_column
+        low, high = _rows_of_rim(camera, floor, floor_scale, a, 9.0, -9.0)
+        low, high = _rows_of_rim(camera, top, top_scale, a, low, high)
+        low, high = _row_of_side(one, a, low, high)
+        low, high = _row_of_side(other, a, low, high)
+        word = _rows_between(camera, low, high)
+        words[k] = word if k < count else np.uint64(0)
     return first, count
 
 
 @inlined
-def _add_rim(camera: CameraParams, rim: _Rim, retina: Retina, start: float, count: int) -> None:
-    """Widen the interval of each column by what a rim covers of it."""
-    scale, sine, cosine, per_column = 1.0 / rim.leading, camera.sin_tilt, camera.cos_tilt, 1.0 / camera.fx
-    for k in range(count):
-        b0 = (start + k) * per_column * rim.drop - rim.shift
-        linear = rim.k1 + b0 * rim.b1
-        under = linear * linear - rim.leading * (rim.k2 + b0 * b0)
-        root = math.sqrt(max(under, 0.0))
-        low, high = (-root - linear) * scale, (root - linear) * scale
-        if rim.leading < 0.0:  # the rim reaches behind the camera, and its image to infinity
-            low, high = (low, 9.0) if rim.drop > 0.0 else (-9.0, high)
-        # The other half of the double cone of rays through the rim lies behind the camera.
-        seen = under >= 0.0 and rim.drop * (sine + (low if rim.drop > 0.0 else high) * cosine) > 0.0
-        retina.lows[k] = min(retina.lows[k], low if seen else 9.0)
-        retina.highs[k] = max(retina.highs[k], high if seen else -9.0)
+def _rows_of_rim(
+    camera: CameraParams, rim: _Rim, scale: float, a: float, low: float, high: float
+) -> tuple[float, float]:
+    """Widen the interval of column ``a`` by what a rim covers of it; ``scale``: 1 / rim.leading."""
+    b0 = a * rim.drop - rim.shift
+    linear = rim.k1 + b0 * rim.b1
+    under = linear * linear - rim.leading * (rim.k2 + b0 * b0)
+    root = math.sqrt(max(under, 0.0))
+    from_b, to_b = (-root - linear) * scale, (root - linear) * scale
+    if rim.leading < 0.0:  # the rim reaches behind the camera, and its image to infinity
+        from_b, to_b = (from_b, 9.0) if rim.drop > 0.0 else (-9.0, to_b)
+    # The other half of the double cone of rays through the rim lies behind the camera.
+    seen = under >= 0.0 and rim.drop * (camera.sin_tilt + (from_b if rim.drop > 0.0 else to_b) * camera.cos_tilt) > 0.0
+    return min(low, from_b if seen else 9.0), max(high, to_b if seen else -9.0)
 
 
 @inlined
-def _add_side(
-    camera: CameraParams,
-    forward: float,
-    right: float,
-    floor_drop: float,
-    top_drop: float,
-    retina: Retina,
-    start: float,
-    count: int,
-) -> None:
-    """Widen the interval of each column by the upright line at (forward, right)."""
+def _make_side(camera: CameraParams, forward: float, right: float, floor_drop: float, top_drop: float) -> _Side:
+    """Return the image of the upright line at (forward, right)."""
     lean = right * camera.sin_tilt
     depth_floor = forward * camera.cos_tilt + floor_drop * camera.sin_tilt
     depth_top = forward * camera.cos_tilt + top_drop * camera.sin_tilt
     if max(depth_floor, depth_top) <= _NEAR or abs(lean) < _NEAR:
-        return
-    from_a, to_a = right / max(depth_floor, depth_top), right / max(min(depth_floor, depth_top), _NEAR)
-    from_a, to_a = min(from_a, to_a), max(from_a, to_a)
-    height, slope, per_column = right * camera.cos_tilt / lean, -forward / lean, 1.0 / camera.fx
-    for k in range(count):
-        a = (start + k) * per_column
-        b = height + slope * a
-        seen = from_a <= a <= to_a
-        retina.lows[k] = min(retina.lows[k], b if seen else 9.0)
-        retina.highs[k] = max(retina.highs[k], b if seen else -9.0)
+        return _Side(math.inf, -math.inf, 0.0, 0.0)
+    one, two = right / max(depth_floor, depth_top), right / max(min(depth_floor, depth_top), _NEAR)
+    return _Side(min(one, two), max(one, two), right * camera.cos_tilt / lean, -forward / lean)
+
+
+@inlined
+def _row_of_side(side: _Side, a: float, low: float, high: float) -> tuple[float, float]:
+    """Widen the interval of column ``a`` by an upright line."""
+    b = side.height + side.slope * a
+    seen = side.low <= a <= side.high
+    return min(low, b if seen else 9.0), max(high, b if seen else -9.0)
 
 
 @inlined
@@ -225,7 +223,6 @@ def goal_words(
     right_a: float,
     forward_b: float,
     right_b: float,
-    retina: Retina,
     words: NDArray[np.uint64],
 ) -> tuple[int, int]:
     """Fill the column words of a goal mouth whose left post is a and right post is b, as the camera sees them."""
@@ -257,13 +254,14 @@ def goal_words(
     over = _level_bounds(forward_a, right_a, forward_b, right_b, top, sine, cosine, 1.0)
     under = _level_bounds(forward_a, right_a, forward_b, right_b, floor, sine, cosine, -1.0)
     per_column, start = 1.0 / camera.fx, first - 0.5 * camera.columns + 0.5
-    for k in range(count):
+    for k in range(whole_blocks(count)):
         a = (start + k) * per_column
         low = max(left[0] + left[1] * a, right[0] + right[1] * a)
         high = min(left[2] + left[3] * a, right[2] + right[3] * a)
-        retina.lows[k] = max(low, over[0] + over[1] * a, under[0] + under[1] * a)
-        retina.highs[k] = min(high, over[2] + over[3] * a, under[2] + under[3] * a)
-    _fill_rows(camera, retina, count, words)
+        low = max(low, over[0] + over[1] * a, under[0] + under[1] * a)
+        high = min(high, over[2] + over[3] * a, under[2] + under[3] * a)
+        word = _rows_between(camera, low, high)
+        words[k] = word if k < count else np.uint64(0)
     return first, count
 
 

@@ -10,14 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.cluster.vq import kmeans2
 
-from behaviors.composite import _expect, _relearn
 from behaviors.coordination import RELEARN, Behaviour, areas_of, component, first_values, state_values
+from behaviors.decisions import make_decisions
+from behaviors.qlearning import lambda_returns, make_learner
 from behaviors.recipe import LearningSettings
+from behaviors.steps import _expect
 from behaviors.task import COLLISION, FAILURE, GOING, SUCCESS
-from behaviors.trials import Learner, _learn
 
 GAMMA = 0.9
-NUMBERS = Learner(*(getattr(LearningSettings(gamma=GAMMA, return_lambda=0.0, alpha=1.0), n) for n in Learner._fields))
+NUMBERS = make_learner(LearningSettings(gamma=GAMMA, return_lambda=0.0, alpha=1.0))
 
 
 def behaviour(name, best, own_states, **parts):  # noqa: ANN003 - fields
@@ -151,12 +152,14 @@ def test_first_values_agree_with_the_areas():
 # ------------------------------------------------------------------------------------------------ learning again: (B.6)
 
 
-def relearned(decisions, last, *, values, fixed, decay=0.0):
-    """Return the values after one trial of (state, action, reward, steps), and which were updated."""
+def relearned(decisions, last, *, values, fixed, decay=0.0, visits=None):
+    """Return the values after one trial of (state, action, reward, steps), and how often each was updated."""
     states, actions, rewards, lengths = map(np.array, zip(*decisions, strict=True))
-    values, visits = np.array(values, float), np.zeros((len(values), len(values[0])), np.int64)
+    values = np.array(values, float)
+    visits = np.zeros(values.shape, np.int64) if visits is None else visits.copy()
     numbers = NUMBERS._replace(return_lambda=decay)
-    _relearn(numbers, np.array(fixed), values, visits, states, actions, rewards * 1.0, lengths, len(decisions), last)
+    fixed, count = np.array(fixed), len(decisions)
+    lambda_returns(numbers, values, visits, fixed, states, actions, rewards * 1.0, lengths, count, last)
     return values, visits
 
 
@@ -210,14 +213,18 @@ def test_in_areas_nothing_is_learned():
     ),
     st.integers(-1, 4),
     st.sampled_from((0.0, 0.7, 1.0)),
+    st.lists(st.booleans(), min_size=5, max_size=5),
 )
-def test_without_areas_it_is_q_learning(decisions, last, decay):
+def test_areas_part_a_trial_into_trials_that_run_out_of_time(decisions, last, decay, fixed):
     start = np.random.default_rng(len(decisions)).normal(size=(5, 2))
-    values, visits = relearned(decisions, last, values=start, fixed=[FREE] * 5, decay=decay)
-    states, actions, rewards, lengths = map(np.array, zip(*decisions, strict=True))
+    values, visits = relearned(decisions, last, values=start, fixed=fixed, decay=decay)
     expected, counted = start.copy(), np.zeros((5, 2), np.int64)
-    numbers = NUMBERS._replace(return_lambda=decay)
-    _learn(numbers, expected, counted, states, actions, rewards * 1.0, lengths, len(decisions), last)
+    after, parts = last, [(area, list(part)) for area, part in itertools.groupby(decisions, lambda one: fixed[one[0]])]
+    for area, part in reversed(parts):
+        if not area:
+            so_far = {"values": expected, "visits": counted}
+            expected, counted = relearned(part, after, fixed=[FREE] * 5, decay=decay, **so_far)
+        after = part[0][0]
     assert np.array_equal(values, expected)
     assert np.array_equal(visits, counted)
 
@@ -230,8 +237,9 @@ def expected_after(walks, places, *, decay=0.9, start=100.0):
     numbers = NUMBERS._replace(gamma=1.0, return_lambda=decay, alpha=1.0, alpha_visits=1.0, alpha_min=0.0)
     expected, visits = np.full((places, 1), start), np.zeros((places, 1), np.int64)
     for states, lengths, outcome, last in walks:
-        numbered = np.array(states), np.array(lengths)
-        _expect(numbers, 900.0, expected, visits, *numbered, len(states), outcome, last)
+        made = make_decisions(len(states))
+        made.rows[:], made.lengths[:], made.made[0], made.last[0] = states, lengths, len(states), last
+        _expect(numbers, 900.0, expected, visits, made, outcome)
     return expected[:, 0]
 
 

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import math
 
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 from statsmodels.stats.proportion import proportion_confint
 
 from behaviors import learning
-from behaviors.commands import make_card, measure
-from behaviors.learning import evaluate, experience, learn, wilson_interval
-from behaviors.recipe import ExperienceSettings, LearningSettings, MoverSettings, Recipe, read_recipe
+from behaviors.cards import make_card, measure
+from behaviors.experience import experience
+from behaviors.learning import evaluate, learn, wilson_interval
+from behaviors.recipe import (
+    ExperienceSettings,
+    MoverSettings,
+    Recipe,
+    read_recipe,
+    recipe_digest,
+)
+from behaviors.scene import provisional_skill
 from behaviors.task import COLLISION, FAILURE, GOING, SUCCESS, judge, task_params
-from behaviors.trials import Learner, _learn
 from coevo.config import check
 from coevo.errors import InputError
 from coevo.skill import load_skill, make_bank, read_card
@@ -43,120 +49,6 @@ def short(name, trials=500):
     return changed(recipe, trials=trials, experience=few, learning=often)
 
 
-# ------------------------------------------------------------------------------------------------------- lambda-returns
-
-
-def learner(**parts):  # noqa: ANN003 - settings of learning
-    chosen = msgspec.structs.replace(LearningSettings(), **parts)
-    return Learner(*(getattr(chosen, name) for name in Learner._fields))
-
-
-def slowly(numbers, values, visits, decisions, last):
-    """Update values and visits as ``_learn`` should: from the end back, each return as its sum over n-step returns.
-
-    decisions: (state, action, reward, steps) of each. last: the state that time ran out in, -1 if the trial ended.
-    """
-    count, gamma, decay = len(decisions), numbers.gamma, numbers.return_lambda
-    bootstrap = [0.0] * count  # worth of the state after each decision, when that decision is updated
-
-    def n_step(k, n):
-        total, discount = 0.0, 1.0
-        for _, _, reward, steps in decisions[k : k + n]:
-            total += discount * reward
-            discount *= gamma**steps
-        return total + discount * bootstrap[k + n - 1]
-
-    for k in reversed(range(count)):
-        after = last if k == count - 1 else decisions[k + 1][0]
-        bootstrap[k] = max(values[after]) if after >= 0 else 0.0
-        left = count - k  # decisions from this one to the end
-        target = decay ** (left - 1) * n_step(k, left)
-        target += (1.0 - decay) * sum(decay ** (n - 1) * n_step(k, n) for n in range(1, left))
-        state, action, _, _ = decisions[k]
-        rate = max(numbers.alpha_min, numbers.alpha / (1.0 + visits[state][action] / numbers.alpha_visits))
-        values[state][action] += rate * (target - values[state][action])
-        visits[state][action] += 1
-
-
-def fast(numbers, values, visits, decisions, last):
-    states, actions, rewards, lengths = zip(*decisions, strict=True)
-    columns = (np.array(states), np.array(actions), np.array(rewards, np.float64), np.array(lengths))
-    _learn(numbers, values, visits, *columns, len(decisions), last)
-
-
-STATES, ACTIONS = 5, 3
-trials = st.lists(
-    st.tuples(
-        st.integers(0, STATES - 1),
-        st.integers(0, ACTIONS - 1),
-        st.sampled_from((0.0, 0.0, 1.0, -0.3)),
-        st.integers(1, 30),
-    ),
-    min_size=1,
-    max_size=12,
-)
-
-
-@settings(deadline=None)
-@given(
-    story=st.lists(st.tuples(trials, st.integers(-1, STATES - 1)), min_size=1, max_size=4),
-    gamma=st.floats(0.5, 0.999),
-    decay=st.sampled_from((0.0, 0.3, 0.9, 1.0)),
-    seed=st.integers(0, 1000),
-)
-def test_returns_are_those_of_the_definition(story, gamma, decay, seed):
-    numbers = learner(gamma=gamma, return_lambda=decay, alpha_visits=2.0, alpha_min=0.05)
-    values = np.random.default_rng(seed).normal(size=(STATES, ACTIONS))
-    visits = np.zeros((STATES, ACTIONS), np.int64)
-    expected, counted = values.tolist(), visits.tolist()
-    for decisions, last in story:
-        fast(numbers, values, visits, decisions, last)
-        slowly(numbers, expected, counted, decisions, last)
-    np.testing.assert_allclose(values, expected, rtol=1e-9, atol=1e-12)
-    assert visits.tolist() == counted
-
-
-def one_trial(decisions, last, *, decay, gamma=0.9, start=0.0):
-    """Return the values after one trial with a learning rate of 1, all values ``start`` before."""
-    values = np.full((STATES, ACTIONS), start)
-    numbers = learner(gamma=gamma, return_lambda=decay, alpha=1.0)
-    fast(numbers, values, np.zeros((STATES, ACTIONS), np.int64), decisions, last)
-    return values
-
-
-def test_with_lambda_1_a_return_is_the_discounted_sum_of_all_rewards():
-    decisions = [(0, 0, 0.0, 5), (1, 1, -0.3, 2), (2, 2, 1.0, 7)]
-    values = one_trial(decisions, -1, decay=1.0)
-    assert values[2, 2] == pytest.approx(1.0)
-    assert values[1, 1] == pytest.approx(-0.3 + 0.9**2)
-    assert values[0, 0] == pytest.approx(0.9**5 * (-0.3 + 0.9**2))
-
-
-def test_with_lambda_0_a_return_is_one_step_of_q_learning():
-    decisions = [(0, 0, 0.0, 5), (1, 1, 0.2, 2)]
-    values = one_trial(decisions, 3, decay=0.0, start=0.5)
-    assert values[1, 1] == pytest.approx(0.2 + 0.9**2 * 0.5)
-    # The next state's best value, which may be that of an action that was not taken.
-    assert values[0, 0] == pytest.approx(0.9**5 * max(0.5, 0.2 + 0.9**2 * 0.5))
-
-
-@pytest.mark.parametrize("decay", [0.0, 0.5, 1.0])
-def test_time_running_out_is_no_end_but_an_end_is(decay):
-    decisions = [(0, 0, 0.0, 10)]
-    assert one_trial(decisions, 4, decay=decay, start=2.0)[0, 0] == pytest.approx(0.9**10 * 2.0)
-    assert one_trial(decisions, -1, decay=decay, start=2.0)[0, 0] == 0.0
-
-
-def test_the_learning_rate_falls_with_visits_to_its_least():
-    numbers = learner(alpha=0.4, alpha_visits=10.0, alpha_min=0.05)
-    values, visits, expected = np.zeros((1, 1)), np.zeros((1, 1), np.int64), 0.0
-    for visit in range(100):
-        fast(numbers, values, visits, [(0, 0, 1.0, 1)], -1)
-        expected += max(0.05, 0.4 / (1.0 + visit / 10.0)) * (1.0 - expected)
-        assert values[0, 0] == pytest.approx(expected)
-    assert visits[0, 0] == 100
-
-
 # ----------------------------------------------------------------------------------------------------- how trials end
 
 
@@ -178,7 +70,7 @@ def verdict(
 
 
 def _memory(recipe, robots):
-    blank = learning._provisional(recipe)
+    blank = provisional_skill(recipe)
     return make_memory(make_bank([blank], drive=blank.drive, actions=blank.actions), [-1] * robots)
 
 
@@ -277,7 +169,50 @@ def test_each_task_can_be_learned_and_says_how(name):
     assert 0 < np.count_nonzero(skill.values.any(axis=1)) <= skill.about["states_visited"] <= len(skill.values)
     assert (skill.about["seed"], skill.about["trials"]) == (recipe.seed, 500)
     assert check(Recipe, skill.about["recipe"], "about") == recipe
-    assert skill.about["recipe_digest"] == hashlib.sha256(msgspec.json.encode(recipe)).hexdigest()
+    assert skill.about["recipe_digest"] == recipe_digest(recipe)
+
+
+@pytest.mark.parametrize("name", ["shoot", "search"])
+def test_a_sparse_learning_learns_the_same_skill(name, tmp_path):
+    recipe = short(name, 300)
+    settings = msgspec.structs.replace(recipe.learning, storage="sparse")
+    dense, sparse = learn(recipe), learn(changed(recipe, learning=settings))
+    assert sparse.digest == dense.digest
+    assert sparse.values.tobytes() == dense.values.tobytes()
+    assert sparse.about["states_visited"] == dense.about["states_visited"]
+    sparse.save(tmp_path / "sparse.npz")
+    loaded = load_skill(tmp_path / "sparse.npz")
+    assert np.array_equal(loaded.policy, dense.policy)
+    assert (loaded.digest, loaded.sparse, dense.sparse) == (dense.digest, True, False)
+
+
+def test_a_state_from_one_image_can_be_learned_with():
+    recipe = short("shoot", 250)
+    objects = tuple(
+        msgspec.structs.replace(m, estimator="raw", history_length=None, order=None) for m in recipe.objects
+    )
+    skill = learn(changed(recipe, objects=objects))
+    assert len(skill.values) == 11 * 29
+    assert [model.order for model in skill.objects] == [2, 3]
+    one_lost = tuple(msgspec.structs.replace(m, lost_states=1) for m in objects)
+    assert len(learn(changed(recipe, objects=one_lost)).values) == 10 * 28
+
+
+def test_a_literal_learner_can_be_asked_for():
+    recipe = short("search", 250)
+    parts = {"update": "one-step", "discount_per": "action", "gamma": 0.9, "alpha_visits": 0.0}
+    recipe = changed(recipe, learning=msgspec.structs.replace(recipe.learning, **parts))
+    skill = learn(recipe)
+    assert check(Recipe, skill.about["recipe"], "about") == recipe
+    # No reward but the one at the end of a trial, and no action is worth more than the last one.
+    assert 0.0 < skill.values.max() <= 1.0
+
+
+def test_a_table_that_no_machine_holds_is_refused():
+    recipe = short("shoot", 250)
+    objects = tuple(msgspec.structs.replace(m, order=8) for m in recipe.objects)
+    with pytest.raises(InputError, match=r"6563 x 6563 = 43072969 states together.*smaller order"):
+        learn(changed(recipe, objects=objects))
 
 
 def test_the_other_drive_can_be_learned():
@@ -407,7 +342,7 @@ def test_the_card_of_an_installed_skill_is_that_of_its_file(cards, name):
 def test_an_installed_skill_was_learned_by_the_recipe_beside_it(name):
     skill, recipe = load_skill(name), read_recipe(name)
     assert check(Recipe, skill.about["recipe"], "about") == recipe
-    assert skill.about["recipe_digest"] == hashlib.sha256(msgspec.json.encode(recipe)).hexdigest()
+    assert skill.about["recipe_digest"] == recipe_digest(recipe)
 
 
 @pytest.mark.parametrize("name", TASKS)

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from itertools import pairwise
+from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 from scipy import stats
 
-from behaviors.recipe import MoverSettings, Recipe, installed_recipes, is_recipe_of, read_recipe
+from behaviors.recipe import (
+    MoverSettings,
+    Recipe,
+    installed_recipes,
+    is_recipe_of,
+    plain_recipe,
+    read_recipe,
+    recipe_digest,
+)
 from behaviors.task import start_trial, task_params
 from coevo.compiled import entry
 from coevo.config import check, to_toml
@@ -82,6 +92,19 @@ def test_a_misspelt_key_is_answered_with_the_nearest_name(changes, key, meant):
         ({"objects": [{"kind": "ball", "order": 9}]}, ["order", "got 9"]),
         ({"learning": {"gamma": 1.0}}, ["learning.gamma", "got 1.0"]),
         ({"learning": {"epsilon_end": math.nan}}, ["learning.epsilon_end", "finite"]),
+        ({"learning": {"update": "two-step"}}, ["learning.update", "'lambda-returns', 'one-step'", "got 'two-step'"]),
+        ({"learning": {"storage": "spars"}}, ["learning.storage", "'dense', 'sparse'", "got 'spars'"]),
+        ({"learning": {"alpha_visits": -1.0}}, ["learning.alpha_visits", ">= 0.0", "got -1"]),
+        ({"objects": [{"kind": "ball", "lost_states": 3}]}, ["objects.0.lost_states", "int <= 2", "got 3"]),
+        ({"objects": [{"kind": "ball", "estimator": "pca"}]}, ["objects.0.estimator", "'cva', 'raw'", "got 'pca'"]),
+        (
+            {"objects": [{"kind": "ball", "estimator": "raw", "order": 5}]},
+            ["order must be at most 4 for 'ball'", "'raw'", "got 5"],
+        ),
+        (
+            {"objects": [{"kind": "ball", "estimator": "raw", "history_length": 2}]},
+            ["history_length must be 1", "'raw'", "got 2"],
+        ),
         ({"action": {"min_steps": 31, "max_steps": 30}}, ["min_steps must be at most max_steps", "got 31"]),
         ({"experience": {"hold_min_steps": 40, "hold_max_steps": 20}}, ["hold_min_steps", "got 40"]),
         ({"task": "pass"}, ["'pass' needs another robot", "mover.kind"]),
@@ -101,6 +124,47 @@ def test_a_wrong_value_is_named_with_what_was_expected(changes, parts):
 def test_an_object_that_no_trial_has_is_refused(task, kind):
     with pytest.raises(InputError, match=r"mover\.kind"):
         check(Recipe, {**PLAIN, "task": task, "objects": [{"kind": kind}]}, "mine.toml")
+
+
+LATER = {
+    "objects": [{"kind": "ball", "estimator": "raw"}, {"kind": "opponent_goal", "lost_states": 1}],
+    "learning": {"update": "one-step", "discount_per": "action", "storage": "sparse", "alpha_visits": 0.0},
+}
+
+
+@pytest.mark.parametrize("parts", [LATER, {}, {"learning": {"discount_per": "action"}}], ids=["all", "none", "one"])
+def test_a_skill_file_tells_younger_settings_only_where_they_are_not_the_default(parts):
+    recipe = check(Recipe, {**PLAIN, **parts}, "mine.toml")
+    plain = plain_recipe(recipe)
+    assert check(Recipe, plain, "told") == recipe
+    every = msgspec.to_builtins(recipe)
+    for told, known, given in [
+        (plain["learning"], every["learning"], parts.get("learning", {})),
+        *zip(plain["objects"], every["objects"], parts.get("objects", PLAIN["objects"]), strict=True),
+    ]:
+        younger = {"estimator", "lost_states", "update", "discount_per", "storage"}
+        assert set(known) - set(told) == (set(known) & younger) - set(given)
+    assert recipe_digest(recipe) != recipe_digest(msgspec.structs.replace(recipe, trials=24_999))
+
+
+def test_every_younger_setting_is_in_the_digest():
+    plain = check(Recipe, PLAIN, "mine.toml")
+    found = {
+        recipe_digest(check(Recipe, {**PLAIN, "learning": {key: LATER["learning"][key]}}, ""))
+        for key in LATER["learning"]
+    }
+    found |= {
+        recipe_digest(check(Recipe, {**PLAIN, "objects": [{**one, "kind": "ball"}]}, "")) for one in LATER["objects"]
+    }
+    assert len(found | {recipe_digest(plain)}) == 7
+
+
+def test_the_literal_learner_of_the_manual_is_a_recipe():
+    text = (Path(__file__).parents[2] / "docs" / "learning.md").read_text(encoding="utf-8")
+    recipe = check(Recipe, tomllib.loads(text.partition("```toml\n")[2].partition("```")[0]), "the manual")
+    assert (recipe.learning.update, recipe.learning.gamma, recipe.learning.discount_per) == ("one-step", 0.9, "action")
+    assert recipe.learning.epsilon_start == recipe.learning.epsilon_end
+    assert [(model.cell, model.lost_states) for model in recipe.objects] == [(1.0, 1), (1.0, 1)]
 
 
 def test_a_missing_key_is_named():

@@ -10,18 +10,22 @@ import pytest
 from click.testing import CliRunner
 from scipy import stats
 
-from behaviors import learning, study_coordination
+from behaviors import scene, study_coordination
 from behaviors.commands import learn as learn_command
-from behaviors.composite import count_steps, relearn_trials
 from behaviors.coordination import component
-from behaviors.learning import evaluate, learn, learner, make_scene
+from behaviors.decisions import make_decisions
+from behaviors.learning import Learning, evaluate, learn
+from behaviors.qlearning import make_learner
 from behaviors.recipe import Recipe, read_recipe
-from behaviors.relearning import coordinate, expected_steps, learn_recipe
+from behaviors.relearning import coordinate, expected_steps
+from behaviors.scene import make_scene
+from behaviors.steps import count_steps
+from behaviors.table import make_table
 from behaviors.task import COLLISION, SUCCESS
 from behaviors.trials import run_trials
 from coevo.config import check, to_toml
 from coevo.errors import InputError
-from coevo.skill import load_skill, make_bank
+from coevo.skill import load_skill
 from coevo.soccer.rng import game_seed
 
 OBJECTS = [{"kind": "ball"}, {"kind": "opponent_goal"}, {"kind": "robot"}]
@@ -75,36 +79,48 @@ def test_each_skill_acts_in_its_area_as_it_always_did(start):
 
 def test_learning_again_leaves_the_areas_as_they_are(start):
     told = []
-    skill = learn_recipe(recipe(), seed=3, report=lambda *state: told.append(state[:2]))
+    skill = learn(recipe(), seed=3, report=lambda *state: told.append(state[:2]))
     assert told == [(250, 250)]
     assert np.array_equal(skill.values[start.fixed], start.skill.values[start.fixed])
     changed = (skill.values != start.skill.values).any(axis=1)
     assert 0 < changed.sum() <= skill.about["states_visited"]
     assert skill.about["coordination"]["states"] == start.sizes
     assert skill.about["coordination"]["skills"] == {name: load_skill(name).digest for name in ("shoot", "avoid")}
-    assert skill.digest == learn_recipe(recipe(), seed=3).digest
-    assert skill.digest != learn_recipe(recipe(), seed=4).digest
+    assert skill.digest == learn(recipe(), seed=3).digest
+    assert skill.digest != learn(recipe(), seed=4).digest
 
 
-def test_without_areas_the_trials_are_those_of_plain_learning():
-    plain = recipe(coordination={"areas": "none", "initial": "zero"}, learning={"anywhere_share": 0.3})
-    begun = coordinate(plain, seed=1)
-    assert not begun.fixed.any()
-    assert not begun.values.any()
-    numbers, seeds = learner(plain), np.array([game_seed(1, 1, n) for n in range(150)], np.uint64)
-    tables = []
-    for other in (False, True):
-        scene = make_scene(plain, make_bank([begun.skill], drive="pws", actions=9))
-        values, visits = np.zeros(begun.values.shape), np.zeros(begun.values.shape, np.int64)
-        outcomes, steps = np.zeros(150, np.int64), np.zeros(150, np.int64)
-        if other:
-            assert run_trials(scene, numbers, True, False, 0, 200, seeds, values, visits, outcomes, steps)
-        else:
-            assert relearn_trials(scene, numbers, begun.fixed, 0, 200, seeds, values, visits, outcomes, steps)
-        tables.append((values, visits, outcomes, steps))
-    assert {SUCCESS, COLLISION} <= set(tables[0][2].tolist())  # the other robot matters when shooting, too
-    for mine, theirs in zip(*tables, strict=True):
-        assert np.array_equal(mine, theirs)
+@pytest.mark.parametrize("update", ["lambda-returns", "one-step"])
+def test_where_all_is_an_area_the_skill_acts_and_nothing_is_learned(update):
+    shoot, seeds = load_skill("shoot"), np.array([game_seed(1, 1, n) for n in range(100)], np.uint64)
+    plain = read_recipe("shoot")
+    plain = msgspec.structs.replace(plain, starts="anywhere")
+    rule = msgspec.structs.replace(plain.learning, update=update, easy_share=0.0, epsilon_start=1.0)
+    found = []
+    for is_learning in (False, True):
+        table = make_table(*shoot.values.shape)
+        table.fixed[:] = True
+        outcomes, steps = np.zeros(100, np.int64), np.zeros(100, np.int64)
+        given = make_scene(plain, shoot), make_learner(rule), is_learning, False, 0, 100, seeds, table
+        assert run_trials(*given, make_decisions(plain.time_limit_steps), outcomes, steps)
+        assert not table.values.any()
+        assert not table.visits.any()
+        found.append((outcomes.tolist(), steps.tolist()))
+    assert SUCCESS in found[0][0]
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("update", ["lambda-returns", "one-step"])
+def test_the_other_robot_matters_when_shooting_and_areas_keep_their_values(start, update):
+    mine = recipe(learning={"update": update})
+    table, outcomes, steps = start.table(), np.zeros(150, np.int64), np.zeros(150, np.int64)
+    seeds = np.array([game_seed(1, 1, n) for n in range(150)], np.uint64)
+    given = make_scene(mine, start.skill), make_learner(mine.learning), True, False, 0, 200, seeds, table
+    assert run_trials(*given, make_decisions(mine.time_limit_steps), outcomes, steps)
+    assert {SUCCESS, COLLISION} <= set(outcomes.tolist())
+    assert np.array_equal(table.values[start.fixed], start.values[start.fixed])
+    assert not table.visits[start.fixed].any()
+    assert table.visits.any()
 
 
 def test_fewer_steps_to_the_goal_are_where_a_skill_values_a_state_more():
@@ -117,24 +133,21 @@ def test_fewer_steps_to_the_goal_are_where_a_skill_values_a_state_more():
     assert stats.spearmanr(found[met], shoot.values.max(axis=1)[met]).statistic < -0.7
 
 
-def test_no_start_is_said_by_both_kernels(start):
+def test_no_start_is_said(start):
     blind = msgspec.structs.replace(recipe().world.camera, tilt_deg=-50.0, vertical_view_deg=10.0)
     hidden = msgspec.structs.replace(recipe(), world=msgspec.structs.replace(recipe().world, camera=blind))
-    scene = make_scene(hidden, make_bank([start.skill], drive="pws", actions=9))
-    counts, ones = np.zeros(1, np.int64), np.zeros(1, np.uint64)
-    visits = np.zeros(start.values.shape, np.int64)
-    numbers = learner(hidden)._replace(easy_share=0.0)  # near enough, it does see both
-    assert not relearn_trials(
-        scene, numbers, start.fixed, 0, 1, ones, start.values.copy(), visits, counts, counts.copy()
-    )
-    expected = np.zeros((len(visits), 1))
-    assert not count_steps(scene, numbers, 900.0, ones, expected, np.zeros(expected.shape, np.int64))
+    table, expected = start.table(), np.zeros((len(start.values), 1))
+    given = make_scene(hidden, start.skill), make_learner(hidden.learning), 900.0, np.zeros(1, np.uint64), table
+    visits = np.zeros(expected.shape, np.int64)
+    assert not count_steps(*given, make_decisions(hidden.time_limit_steps), expected, visits)
+    with pytest.raises(InputError, match="no start was found"):
+        learn(hidden)
 
 
 def test_no_world_is_made_to_be_thrown_away(monkeypatch):
     made = []
-    build = learning.World
-    monkeypatch.setattr(learning, "World", lambda *arguments: made.append(arguments) or build(*arguments))
+    build = scene.World
+    monkeypatch.setattr(scene, "World", lambda *arguments: made.append(arguments) or build(*arguments))
     other = recipe(world={"ball": {"mass_kg": 0.36}})
     for _ in range(3):
         evaluate(other, None, games=1, seed=1)
@@ -148,7 +161,7 @@ def test_skills_that_see_one_object_through_different_models_are_refused():
     objects = [{"kind": "ball"}, {"kind": "opponent_goal"}, {"kind": "mate"}]
     passing = recipe(task="pass", objects=objects, coordination={"skills": ["shoot", "pass"]})
     with pytest.raises(InputError, match="'shoot' and 'pass' look at the ball through different models"):
-        learn_recipe(passing)
+        learn(passing)
 
 
 def test_skills_can_be_learned_to_share_a_model(tmp_path):
@@ -180,21 +193,21 @@ def test_a_recipe_that_lists_other_objects_than_its_skills_is_refused():
     with pytest.raises(
         InputError, match="lists the objects ball, robot; its skills look at ball, opponent_goal, robot"
     ):
-        learn_recipe(recipe(objects=[OBJECTS[0], OBJECTS[2]]))
+        learn(recipe(objects=[OBJECTS[0], OBJECTS[2]]))
 
 
 def test_skills_whose_actions_are_others_are_refused():
     with pytest.raises(InputError, match="'shoot' last 5 to 30 steps, those of the recipe 'mine' 5 to 20"):
-        learn_recipe(recipe(action={"max_steps": 20}))
+        learn(recipe(action={"max_steps": 20}))
     with pytest.raises(InputError, match="drive"):
-        learn_recipe(recipe(world={"robot": {"drive": "4ws"}}))
+        learn(recipe(world={"robot": {"drive": "4ws"}}))
 
 
 def test_a_skill_that_knows_nothing_is_refused(tmp_path):
     skill = load_skill("avoid")
     dataclasses.replace(skill, values=np.zeros_like(skill.values)).save(tmp_path / "skill.npz")
     with pytest.raises(InputError, match=r"avoid values all states alike.*choose other skills"):
-        learn_recipe(recipe(coordination={"skills": ["shoot", str(tmp_path / "skill.npz")]}))
+        learn(recipe(coordination={"skills": ["shoot", str(tmp_path / "skill.npz")]}))
 
 
 @pytest.mark.parametrize(
@@ -204,6 +217,7 @@ def test_a_skill_that_knows_nothing_is_refused(tmp_path):
         ({"coordination": {"areas": "all"}}, "'isodata'"),
         ({"coordination": {"split": 1.0}}, "Did you mean 'split_std'?"),
         ({"objects": [*OBJECTS, {"kind": "ball"}]}, "every object stands once"),
+        ({"learning": {"storage": "sparse"}}, "has values from the start: 'dense'"),
     ],
 )
 def test_a_wrong_setting_is_named(changes, part):
@@ -211,9 +225,30 @@ def test_a_wrong_setting_is_named(changes, part):
         recipe(**changes)
 
 
-def test_learning_from_nothing_does_not_pass_over_the_skills():
-    with pytest.raises(InputError, match="'mine' coordinates skills"):
-        learn(recipe())
+# ---------------------------------------------------------------------------------------------------------- going on
+
+
+def test_a_learning_that_was_stopped_goes_on_to_the_same_bytes(tmp_path):
+    mine = recipe(trials=750)
+    learning = Learning(mine, seed=3, trials=750)
+    learning.advance()
+    learning.save(tmp_path / "learning.npz")
+    again = Learning.load(tmp_path / "learning.npz", mine, seed=3, trials=750)
+    assert again.done == 250
+    for one in (learning, again):
+        while not one.is_finished:
+            one.advance()
+    assert again.skill().digest == learning.skill().digest == learn(mine, seed=3).digest
+
+
+def test_a_learning_does_not_go_on_with_another_skill_of_the_same_name(tmp_path):
+    skill, path = load_skill("avoid"), tmp_path / "avoid.npz"
+    skill.save(path)
+    mine = recipe(coordination={"skills": ["shoot", str(path)], "steps_trials": 10})
+    Learning(mine, seed=1, trials=250).save(tmp_path / "learning.npz")
+    dataclasses.replace(skill, values=skill.values * 2.0).save(path)
+    with pytest.raises(InputError, match=r"another learning: coordination\.digests"):
+        Learning.load(tmp_path / "learning.npz", mine, seed=1, trials=250)
 
 
 # ------------------------------------------------------------------------------------------------------------- commands

@@ -20,14 +20,14 @@ MIDDLE = 32.0
 FIXED = {"ball": BALL, "own_goal": OWN_GOAL, "opponent_goal": OPPONENT_GOAL}
 
 
-def model(rng, kind, order, length, cell=None):
+def model(rng, kind, order, length, lost=2):
     past = length * (2 + OBJECT_KINDS[kind])
     matrix = rng.normal(0.0, 0.02, (order, past))
-    return ObjectModel(kind, length, matrix, rng.normal(30.0, 5.0, past), cell or rng.uniform(0.3, 1.2))
+    return ObjectModel(kind, length, matrix, rng.normal(30.0, 5.0, past), rng.uniform(0.3, 1.2), lost)
 
 
 def skill(*models, actions=9):
-    states = int(np.prod([3**m.order + 2 for m in models]))
+    states = int(np.prod([3**m.order + m.lost_states for m in models]))
     return Skill("any", "pws", models, np.zeros((states, actions), np.float32), 1, 1)
 
 
@@ -82,7 +82,8 @@ class Story:
 
     def object_state(self, one, time):
         if self.sight(one.kind, time) is None:
-            return 3**one.order + (self.side(one.kind, time) if self.mate >= 0 or one.kind != "mate" else 0)
+            told_apart = one.lost_states == 2 and (self.mate >= 0 or one.kind != "mate")
+            return 3**one.order + (self.side(one.kind, time) if told_apart else 0)
         features = OBJECT_KINDS[one.kind]
         actions = [self.actions[time - back] if time >= back else np.zeros(2) for back in range(one.history_length)]
         outputs = [row[:features] for row in self.past(one.kind, time, one.history_length)]
@@ -94,7 +95,7 @@ class Story:
     def state(self, which, time):
         number = 0
         for one in which.objects:
-            number = number * (3**one.order + 2) + self.object_state(one, time)
+            number = number * (3**one.order + one.lost_states) + self.object_state(one, time)
         return number
 
 
@@ -131,8 +132,8 @@ def test_states_are_those_of_the_definitions_over_whole_stories(robots, mates):
     for _ in range(6):
         skills = [
             skill(model(rng, "ball", 2, 3), model(rng, "opponent_goal", 2, 1)),
-            skill(model(rng, "mate", 3, 2), model(rng, "ball", 1, 1), model(rng, "own_goal", 1, 4)),
-            skill(model(rng, "robot", 3, 4)),
+            skill(model(rng, "mate", 3, 2), model(rng, "ball", 1, 1, lost=1), model(rng, "own_goal", 1, 4)),
+            skill(model(rng, "robot", 3, 4, lost=1)),
             skill(model(rng, "ball", 3, 2), model(rng, "robot", 1, 1)),
         ]
         bank = bank_of(*skills)
@@ -225,6 +226,19 @@ def test_a_lost_object_has_two_states_by_where_it_was_seen_last():
     assert show(memory, bank, 5) == 9
     show(memory, bank, 6, ball=(MIDDLE, 0.0, 0.0, 0.0))
     assert show(memory, bank, 7) == 10
+
+
+def test_a_lost_object_may_have_one_state_wherever_it_was_seen_last():
+    rng = np.random.default_rng(4)
+    one = model(rng, "ball", 2, 1, lost=1)
+    bank = bank_of(skill(one))
+    memory = make_memory(bank, [-1])
+    forget(memory)
+    assert one.states == 10  # 3^n + 1, as (3.9) is printed
+    assert show(memory, bank, 0) == 9
+    for time, x in enumerate((40.0, 20.0)):
+        assert show(memory, bank, 2 * time + 1, ball=(x, 0.0, 0.0, 0.0)) < 9
+        assert show(memory, bank, 2 * time + 2) == 9
 
 
 def test_windows_run_from_the_newest_back_actions_before_observations():

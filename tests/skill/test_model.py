@@ -23,25 +23,28 @@ from coevo.skill.model import OBJECT_KINDS, state_count
 KINDS = tuple(OBJECT_KINDS)
 
 
-def model(rng, kind="ball", order=2, length=2, cell=0.6):
+def model(rng, kind="ball", order=2, length=2, lost=2):
     past = length * (2 + OBJECT_KINDS[kind])
-    return ObjectModel(kind, length, rng.normal(size=(order, past)), rng.normal(size=past), cell)
+    return ObjectModel(kind, length, rng.normal(size=(order, past)), rng.normal(size=past), 0.6, lost)
 
 
 def skill(seed=1, objects=(("ball", 2, 2), ("robot", 1, 3)), actions=9, drive="pws"):
-    """Return a skill of random numbers; ``objects``: kind, order, history length of each."""
+    """Return a skill of random numbers; ``objects``: kind, order, history length, maybe lost states of each."""
     rng = np.random.default_rng(seed)
     models = tuple(model(rng, *which) for which in objects)
-    states = int(np.prod([3**order + 2 for _, order, _ in objects]))
+    states = int(np.prod([one.states for one in models]))
     values = rng.normal(size=(states, actions)).astype(np.float32)
     return Skill("shoot", drive, models, values, 5, 30, {"seed": seed, "recipe": {"name": "shoot", "parts": [1, 2.5]}})
 
 
+PLAIN = ("name", "drive", "min_steps", "max_steps", "about", "sparse")
+
+
 def same(one, two):
     """Tell whether two skills are equal in everything."""
-    plain = [getattr(one, name) == getattr(two, name) for name in ("name", "drive", "min_steps", "max_steps", "about")]
+    plain = [getattr(one, name) == getattr(two, name) for name in PLAIN]
     models = [
-        (a.kind, a.history_length, a.cell) == (b.kind, b.history_length, b.cell)
+        (a.kind, a.history_length, a.cell, a.lost_states) == (b.kind, b.history_length, b.cell, b.lost_states)
         and a.memory_matrix.tobytes() == b.memory_matrix.tobytes()
         and a.memory_matrix.shape == b.memory_matrix.shape
         and a.past_mean.tobytes() == b.past_mean.tobytes()
@@ -95,18 +98,60 @@ def refusal(path):
 @settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     objects=st.lists(
-        st.tuples(st.sampled_from(KINDS), st.integers(1, 3), st.integers(1, 4)), min_size=1, max_size=3
+        st.tuples(st.sampled_from(KINDS), st.integers(1, 3), st.integers(1, 4), st.sampled_from((1, 2))),
+        min_size=1,
+        max_size=3,
     ).map(tuple),
     actions=st.sampled_from((7, 9)),
     seed=st.integers(0, 2**32 - 1),
+    share=st.sampled_from((0.0, 0.1, 1.0)),
+    sparse=st.booleans(),
 )
-def test_a_skill_comes_back_as_it_was(tmp_path, objects, actions, seed):
+def test_a_skill_comes_back_as_it_was(tmp_path, objects, actions, seed, share, sparse):
     kept = skill(seed, objects, actions)
+    kept = dataclasses.replace(kept, values=visited(kept.values, share), sparse=sparse)
     kept.save(tmp_path / "any.npz")
     found = load_skill(tmp_path / "any.npz")
     assert same(found, kept)
     assert found.digest == kept.digest
     assert found.values.dtype == np.float32
+
+
+def visited(values, share):
+    """Return a table of which only a share of the rows was ever visited."""
+    rows = np.random.default_rng(0).random(len(values)) < share
+    return np.where(rows[:, None], values, np.float32(0.0))
+
+
+def test_a_sparse_file_holds_the_visited_rows_and_means_the_same(tmp_path):
+    whole = skill(objects=(("ball", 4, 1), ("robot", 3, 1)))
+    whole = dataclasses.replace(whole, values=visited(whole.values, 0.02))
+    sparse = dataclasses.replace(whole, sparse=True)
+    whole.save(tmp_path / "dense.npz")
+    sparse.save(tmp_path / "sparse.npz")
+    with np.load(tmp_path / "sparse.npz") as archive:
+        assert 10 < len(archive["rows"]) < 100
+        assert np.array_equal(archive["rows"], np.flatnonzero(whole.values.any(axis=1)))
+        assert np.array_equal(archive["values"], whole.values[archive["rows"]])
+    assert (tmp_path / "sparse.npz").stat().st_size < (tmp_path / "dense.npz").stat().st_size
+    dense, found = load_skill(tmp_path / "dense.npz"), load_skill(tmp_path / "sparse.npz")
+    assert found.digest == dense.digest == whole.digest
+    assert np.array_equal(found.policy, whole.policy)
+    assert found.values.tobytes() == whole.values.tobytes()
+    found.save(tmp_path / "again.npz")
+    assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "sparse.npz").read_bytes()
+
+
+def test_a_file_from_before_there_was_a_choice_has_two_lost_states(saved):
+    path, kept = saved
+    with np.load(path) as archive:
+        header = json.loads(bytes(archive["header"]))
+    assert all("lost_states" not in item for item in header["objects"])
+    assert [one.lost_states for one in load_skill(path).objects] == [2, 2]
+    one = dataclasses.replace(kept.objects[0], lost_states=1)
+    table = np.zeros((10 * 5, 9), np.float32)
+    dataclasses.replace(kept, objects=(one, kept.objects[1]), values=table).save(path)
+    assert [model.lost_states for model in load_skill(path).objects] == [1, 2]
 
 
 def test_the_same_skill_gives_the_same_bytes(tmp_path):
@@ -142,8 +187,9 @@ def test_a_policy_is_the_best_action_and_of_equals_the_first():
 
 
 @pytest.mark.parametrize("order", range(1, 9))
-def test_an_object_has_three_cells_an_element_and_two_states_when_lost(order):
-    assert state_count(order) == 3**order + 2
+def test_an_object_has_three_cells_an_element_and_one_or_two_states_when_lost(order):
+    assert state_count(order, 2) == 3**order + 2
+    assert state_count(order, 1) == 3**order + 1  # as (3.9) is printed
     assert model(np.random.default_rng(0), "ball", order, 1).states == 3**order + 2
     assert model(np.random.default_rng(0), "ball", order, 1).order == order
 
@@ -187,6 +233,7 @@ NONSENSE = {
     "an object too few": {"objects": skill().objects[:1]},
     "unknown object": first_object({"kind": "moon"}),
     "history too long": first_object({"history_length": 3}),
+    "three lost states": first_object({"lost_states": 3}),
     "mean too short": first_object({"past_mean": np.zeros(11)}),
 }
 
@@ -360,6 +407,15 @@ ARRAYS = {
     "a vector for a matrix": {"memory_matrix_0": np.zeros(5)},
     "a matrix for a vector": {"past_mean_0": np.zeros((2, 6))},
 }
+SPARSE = {
+    "a row too few": np.arange(54),
+    "a state twice": np.array([*range(54), 53]),
+    "not ascending": np.arange(55)[::-1],
+    "no such state": np.arange(1, 56),
+    "below the first": np.arange(-1, 54),
+    "no list": np.zeros((55, 1)),
+    "words": np.array(["a"] * 55),
+}
 CHANGES = {
     "longest action": {"header": {"max_steps": 29}},
     "drive": {"header": {"drive": "4ws"}},
@@ -371,6 +427,21 @@ CHANGES = {
 def test_arrays_that_do_not_fit_are_refused(saved, what):
     path, _ = saved
     rewritten(path, ARRAYS[what])
+    refusal(path)
+
+
+@pytest.mark.parametrize("what", SPARSE)
+def test_row_numbers_that_do_not_fit_are_refused(saved, what):
+    path, _ = saved
+    rewritten(path, {"rows": np.arange(55)})
+    load_skill(path)  # all of them fit
+    rewritten(path, {"rows": SPARSE[what]})
+    refusal(path)
+
+
+def test_a_table_too_large_for_any_machine_is_refused_before_it_is_made(saved):
+    path, _ = saved
+    rewritten(path, {"rows": np.arange(55), "memory_matrix_0": np.zeros((30, 12))})
     refusal(path)
 
 

@@ -1,0 +1,69 @@
+"""What a skill is measured at: its card, as plain data and in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from behaviors.learning import evaluate, wilson_interval
+from behaviors.recipe import MoverSettings, Recipe
+from coevo.skill import Skill
+
+__all__ = ["describe", "make_card", "measure"]
+
+
+def make_card(recipe: Recipe, skill: Skill, *, games: int, seed: int) -> dict[str, Any]:
+    """Measure a skill on unseen starts and return its card: plain data."""
+    measured = {starts: measure(recipe, skill, games=games, seed=seed, starts=starts) for starts in _starts(recipe)}
+    return {
+        "name": skill.name,
+        "task": recipe.task,
+        "drive": skill.drive,
+        "learned_with": {"seed": recipe.seed, "trials": recipe.trials},
+        "digest": skill.digest,
+        "states": int(skill.values.shape[0]),
+        "orders": {model.kind: model.order for model in skill.objects},
+        "history_lengths": {model.kind: model.history_length for model in skill.objects},
+        "measured": measured,
+        "random_actions": measure(recipe, None, games=games, seed=seed, starts=_starts(recipe)[0]),
+    }
+
+
+def _starts(recipe: Recipe) -> list[str]:
+    return ["in-view"] if recipe.task in ("search", "avoid") else ["in-view", "anywhere"]
+
+
+def measure(recipe: Recipe, skill: Skill | None, *, games: int, seed: int, starts: str) -> dict[str, Any]:
+    """Return what a skill (None: random actions) does from unseen starts, with the 95 % confidence interval."""
+    # Success of avoid is defined against a robot that moves at random.
+    mover = MoverSettings(kind="random") if recipe.task == "avoid" else None
+    result = evaluate(recipe, skill, games=games, seed=seed, starts=starts, mover=mover)
+    data: dict[str, Any] = {
+        "starts": starts,
+        "games": games,
+        "seed": seed,
+        "success_rate": result.success_rate,
+        "ci95": list(wilson_interval(int(result.success.sum()), games)),
+        "mean_steps": float(result.steps.mean()),
+        "collision_rate": result.collision_rate,
+    }
+    if recipe.task == "avoid":
+        chaser = MoverSettings(kind="chaser", speed=0.3)
+        chased = evaluate(recipe, skill, games=games, seed=seed, starts=starts, mover=chaser)
+        data["collision_rate_chaser"] = chased.collision_rate
+        data["ci95_chaser"] = list(wilson_interval(int((~chased.success).sum()), games))
+    return data
+
+
+def describe(label: str, data: dict[str, Any]) -> list[str]:
+    """Return what ``measure`` found in words, a line or two."""
+    low, high = data["ci95"]
+    first = (
+        f"  {label:14s}  success {data['success_rate']:.3f} [{low:.3f}, {high:.3f}]"
+        f"  collisions {data['collision_rate']:.3f}  mean {data['mean_steps']:.0f} steps  ({data['games']} trials)"
+    )
+    lines = [first]
+    if "collision_rate_chaser" in data:
+        low, high = data["ci95_chaser"]
+        chased = data["collision_rate_chaser"]
+        lines.append(f"{'':18s}collisions with a chaser at 0.3 speed {chased:.3f} [{low:.3f}, {high:.3f}]")
+    return lines

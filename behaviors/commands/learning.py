@@ -1,0 +1,232 @@
+"""coevo learn."""
+
+from __future__ import annotations
+
+import shlex
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+import msgspec
+
+from coevo.console import Progress, emit, note, output_options, put_off_interrupt
+from coevo.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from behaviors.learning import Learning
+    from behaviors.recipe import Recipe
+
+__all__ = ["learn", "tell_compiling"]
+
+_CARD_SEED, _GAMES = 1_000_000, 1000  # starts that cards are measured on
+_SAVE_EVERY_S, _SAVE_SHARE = 3.0, 0.05  # seldom, and where a table is large, never for more than this share of the time
+
+
+@click.command()
+@click.argument("source", metavar="SKILL|RECIPE.toml")
+@click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), help="Replaces the recipe's seed.")
+@click.option("--trials", type=click.IntRange(min=1, max=10_000_000), help="Replaces the recipe's number of trials.")
+@click.option("--drive", type=click.Choice(["pws", "4ws"]), help="Replaces the recipe's drive.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder of the learned skill; by default runs/skills/NAME-seedN.",
+)
+@click.option(
+    "--games",
+    type=click.IntRange(min=1),
+    default=_GAMES,
+    show_default=True,
+    help="How many trials measure the result.",
+)
+@click.option("--resume", is_flag=True, help="Go on with the unfinished learning in the folder.")
+@click.option("--restart", is_flag=True, help="Throw away the unfinished learning in the folder.")
+@output_options
+def learn(
+    *,
+    source: str,
+    seed: int | None,
+    trials: int | None,
+    drive: str | None,
+    out: Path | None,
+    games: int,
+    resume: bool,
+    restart: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Learn a skill, measure it, and write it with its recipe and its card.
+
+    It is learned from nothing; by a recipe with [coordination] from skills that are learned already. A learning that
+    was stopped goes on with --resume, and ends as if it had never stopped.
+
+    \b
+    Example: coevo learn shoot --seed 5
+             coevo learn shoot --seed 5 --resume
+             coevo learn runs/chapter3/shoot-avoiding.toml
+    """
+    from behaviors.cards import make_card
+    from behaviors.recipe import is_recipe_of, read_recipe
+    from coevo.config import to_toml
+
+    if resume and restart:
+        raise InputError("--resume goes on with a learning and --restart throws it away: give one of them")
+    recipe = read_recipe(source)
+    if drive is not None:
+        robot = msgspec.structs.replace(recipe.world.robot, drive=drive)
+        recipe = msgspec.structs.replace(recipe, world=msgspec.structs.replace(recipe.world, robot=robot))
+    changes = {
+        "seed": seed if seed is not None else recipe.seed,
+        "trials": trials if trials is not None else recipe.trials,
+    }
+    recipe = msgspec.structs.replace(recipe, **changes)
+    folder = out if out is not None else Path("runs") / "skills" / f"{recipe.name}-seed{recipe.seed}"
+    checkpoint = folder / "learning.npz"
+    if resume and not checkpoint.exists() and (folder / "skill.npz").exists():
+        _show(folder, _finished(folder, recipe), as_json=as_json, said=f"Finished before: {folder}")
+        return
+    if not resume and not restart and checkpoint.exists():
+        _refuse(checkpoint)
+    _prepare(folder)
+    if (folder / "skill.npz").exists() and out is None:
+        note(f"{folder} is replaced.", quiet=quiet)
+    learning = _begin(recipe, checkpoint, resume=resume, quiet=quiet)
+    try:
+        _go_on(learning, recipe, checkpoint, quiet=quiet)
+        skill = learning.skill()
+        card = make_card(recipe, skill, games=games, seed=_CARD_SEED)
+    except KeyboardInterrupt:
+        with _writing(folder):
+            learning.save(checkpoint)
+        again = _again(source, seed=seed, trials=trials, drive=drive, out=out, games=None if games == _GAMES else games)
+        note(f"Stopped; {learning.done} of {recipe.trials} trials are saved. Go on with: {again}")
+        raise
+    with _writing(folder):
+        skill.save(folder / "skill.npz")
+        if not is_recipe_of(source, folder):
+            (folder / "recipe.toml").write_text(to_toml(recipe), encoding="utf-8")
+        (folder / "card.json").write_bytes(msgspec.json.format(msgspec.json.encode(card), indent=2) + b"\n")
+        checkpoint.unlink(missing_ok=True)
+    _show(folder, card, as_json=as_json, said=f"Written: {folder}")
+
+
+def _refuse(checkpoint: Path) -> None:
+    from behaviors.checkpoint import trials_done
+
+    raise InputError(
+        f"{checkpoint.parent} holds an unfinished learning, {trials_done(checkpoint)}; go on with --resume, or throw it"
+        " away with --restart"
+    )
+
+
+def _finished(folder: Path, recipe: Recipe) -> dict[str, Any]:
+    """Return the card of a learning that is finished, and therefore needs no going on."""
+    from behaviors.recipe import recipe_digest
+    from coevo.skill import load_skill, read_card
+
+    path = folder / "skill.npz"
+    skill, card = load_skill(path), read_card(path)
+    if skill.about.get("recipe_digest") != recipe_digest(recipe) or card.get("digest") != skill.digest:
+        raise InputError(
+            f"{folder} holds another skill and no unfinished learning; leave out --resume to replace it, or choose"
+            " another --out"
+        )
+    return card
+
+
+def _begin(recipe: Recipe, checkpoint: Path, *, resume: bool, quiet: bool) -> Learning:
+    from behaviors.learning import Learning
+    from behaviors.lpm import PersistentExcitationWarning
+
+    tell_compiling(recipe, quiet=quiet)
+    if resume and checkpoint.exists():
+        learning = Learning.load(checkpoint, recipe, seed=recipe.seed, trials=recipe.trials)
+        note(f"Going on after {learning.done} of {recipe.trials} trials.", quiet=quiet)
+        return learning
+    if resume:
+        note("Nothing was saved yet: from the beginning.", quiet=quiet)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", PersistentExcitationWarning)
+        learning = Learning(recipe, seed=recipe.seed, trials=recipe.trials)
+    for warning in caught:
+        note(f"Beware: {warning.message}")
+    with _writing(checkpoint.parent):
+        checkpoint.unlink(missing_ok=True)
+    return learning
+
+
+def _go_on(learning: Learning, recipe: Recipe, checkpoint: Path, *, quiet: bool) -> None:
+    """Learn to the end, and write a checkpoint now and then."""
+    total = recipe.trials
+    saved, wait = time.perf_counter(), _SAVE_EVERY_S
+    with Progress(total, done=learning.done, quiet=quiet) as progress:
+        while not learning.is_finished:
+            with put_off_interrupt():
+                share = learning.advance()
+            done = learning.done
+            if done == total or done % max(250, total // 20 // 250 * 250) == 0:
+                progress.step(
+                    f"{recipe.name}: {done} of {total} trials, {share:.0%} of the last block succeeded", done=done
+                )
+            began = time.perf_counter()
+            if began - saved >= wait:
+                with _writing(checkpoint.parent):
+                    learning.save(checkpoint)
+                saved = time.perf_counter()
+                wait = max(_SAVE_EVERY_S, (saved - began) / _SAVE_SHARE)
+
+
+def _again(source: str, **options: object) -> str:
+    given = [part for name, value in options.items() if value is not None for part in (f"--{name}", str(value))]
+    return shlex.join(["coevo", "learn", source, *given, "--resume"])
+
+
+def _show(folder: Path, card: dict[str, Any], *, as_json: bool, said: str) -> None:
+    from behaviors.cards import describe
+
+    if as_json:
+        emit({"folder": str(folder), **card})
+        return
+    click.echo(f"{card['name']} ({card['drive']}, {card['states']} states)")
+    for starts, data in card["measured"].items():
+        for line in describe(starts, data):
+            click.echo(line)
+    for line in describe("random actions", card["random_actions"]):
+        click.echo(line)
+    click.echo(said)
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    """Turn failures of writing into messages for the user."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot write into {folder}: {error.strerror or error}; choose another --out") from None
+
+
+def _prepare(folder: Path) -> None:
+    with _writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / "skill.npz.partial"
+        probe.touch()
+        probe.unlink()
+
+
+def tell_compiling(learned: Recipe | None, *, quiet: bool) -> None:
+    """Say that learning a recipe, or else only measuring, compiles what it takes first, if it does."""
+    from behaviors.steps import count_steps
+    from behaviors.trials import gather, run_trials
+    from coevo.compiled import is_compiled
+
+    needed: list[Callable[..., Any]] = [run_trials]
+    if learned is not None:
+        needed.append(gather if learned.coordination is msgspec.UNSET else count_steps)
+    if not all(is_compiled(kernel) for kernel in needed):
+        note("Compiling the trials for this machine, once: about 20 s ...", quiet=quiet)

@@ -77,6 +77,7 @@ def write_checkpoint(path: Path, standing: Standing, learning: Mapping[str, Any]
         "header": _text(json.dumps(header)),
         "values": table.values[:used],
         "visits": table.visits[:used],
+        "fixed": table.fixed[:used],
         "state_of_row": states[np.argsort(table.rows[states])],
         "best_score": np.array([standing.best_score]),
         **models,
@@ -107,7 +108,7 @@ def read_checkpoint(path: Path, learning: Mapping[str, Any]) -> Standing:
     rows[arrays["state_of_row"]] = np.arange(used[0])
     return Standing(
         unpack_models(header["objects"], arrays),
-        Table(arrays["values"], arrays["visits"], rows, used),
+        Table(arrays["values"], arrays["visits"], arrays["fixed"], rows, used),
         header["done"],
         arrays.get("best"),
         float(arrays["best_score"][0]),

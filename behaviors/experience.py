@@ -1,30 +1,89 @@
-"""What random actions let a robot see, and the models of its objects that are estimated from it."""
+"""What random actions let a robot see, in stretches with an object in view, and the models estimated from it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import takewhile
+
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
 from behaviors.axes import simple_axes
-from behaviors.lpm import identify
+from behaviors.lpm import LocalPredictionModel, identify
 from behaviors.raw import raw_model
-from behaviors.recipe import ModelSettings, Recipe
+from behaviors.recipe import ExperienceSettings, ModelSettings, Recipe
 from behaviors.scene import make_scene, no_start, provisional_skill
 from behaviors.trials import gather
 from coevo.errors import InputError
-from coevo.skill import ObjectModel
+from coevo.skill import ObjectModel, load_skill
 from coevo.skill.model import INPUTS, OBJECT_KINDS
 from coevo.soccer.camera import BALL, FEATURES, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 from coevo.soccer.rng import game_seed
 
-__all__ = ["Stretch", "experience", "make_models"]
+__all__ = ["Stretch", "experience", "in_view", "make_model", "make_models", "window_count"]
 
-Stretch = tuple[NDArray[np.float64], NDArray[np.float64]]
+Array = NDArray[np.float64]
+Stretch = tuple[Array, Array]
 """(actions (T, 2), observations (T, q)) of one trial with an object in view, each action with the image it led to."""
 
 _STREAM = 0  # of the recipe's seed; see behaviors.learning
 _ROWS, _MOST_PARTS = 20_000, 100
 _SLOTS = {"ball": BALL, "own_goal": OWN_GOAL, "opponent_goal": OPPONENT_GOAL, "mate": ROBOTS}
+
+
+def in_view(trial: NDArray[np.int64], inputs: Array, features: Array, areas: Array) -> list[Stretch]:
+    """Return the stretches of one trial each in which an object was in view.
+
+    Args:
+        trial: (rows,) number of the trial. inputs: (rows, 2) code of the action that led to the row's image.
+        features: (rows, q) of the object. areas: (rows,) of the object [px], 0 where it is not in view.
+    """
+    visible = areas > 0.0
+    breaks = np.flatnonzero((np.diff(visible.astype(np.int8)) != 0) | (np.diff(trial) != 0)) + 1
+    pieces = [piece for piece in np.split(np.arange(len(trial)), breaks) if len(piece) and visible[piece[0]]]
+    return [(inputs[piece], features[piece]) for piece in pieces]
+
+
+def window_count(stretches: Sequence[Stretch]) -> int:
+    """Return for how many steps the object was in view."""
+    return sum(len(actions) for actions, _ in stretches)
+
+
+def _enough(stretches: Sequence[Stretch], windows: int) -> list[Stretch]:
+    """Return the first stretches that together have ``windows`` steps, or all."""
+    before = np.cumsum([0, *(len(actions) for actions, _ in stretches)])
+    return [stretch for stretch, _ in takewhile(lambda pair: pair[1] < windows, zip(stretches, before, strict=False))]
+
+
+def make_model(
+    settings: ModelSettings, stretches: Sequence[Stretch], experience: ExperienceSettings, *, image_width: float
+) -> tuple[ObjectModel, LocalPredictionModel | None]:
+    """Return how an object's state is estimated, and the model it comes from (None for the estimator "raw").
+
+    Args:
+        settings: of the object.
+        stretches: in which it was in view; the first that give ``experience.windows`` steps are used.
+        experience: how many steps, and how future inputs are treated.
+        image_width: [px].
+    """
+    used = _enough(stretches, experience.windows)
+    if settings.estimator == "raw":
+        seen = [observations for _, observations in used]
+        order, cell, lost = settings.order, settings.cell, settings.lost_states
+        raw = raw_model(settings.kind, seen, order=order, image_width=image_width, cell=cell, lost_states=lost)
+        return raw, None
+    found = identify(
+        used,
+        history_length=settings.history_length,
+        order=settings.order,
+        future_inputs=experience.future_inputs,
+    )
+    memory_matrix = found.memory_matrix
+    if settings.axes == "varimax":
+        memory_matrix = simple_axes(found, used).T @ memory_matrix
+    mean, length = found.past_mean, found.history_length
+    return ObjectModel(settings.kind, length, memory_matrix, mean, settings.cell, settings.lost_states), found
 
 
 def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
@@ -58,12 +117,9 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
             raise no_start(recipe)
         for kind, found in stretches.items():
             slot = _SLOTS.get(kind, objects - 1)  # the nearest robot has the last one
-            visible = areas[:, slot] > 0.0
-            breaks = np.flatnonzero((np.diff(visible.astype(np.int8)) != 0) | (np.diff(trial) != 0)) + 1
-            for piece in np.split(np.arange(_ROWS), breaks):
-                if visible[piece[0]]:
-                    seen[kind] += len(piece)
-                    found.append((inputs[piece], features[piece, slot, : OBJECT_KINDS[kind]]))
+            new = in_view(trial, inputs, features[:, slot, : OBJECT_KINDS[kind]], areas[:, slot])
+            seen[kind] += window_count(new)
+            found.extend(new)
         part += 1
         kind, steps = min(seen.items(), key=lambda item: item[1])
         if steps * _MOST_PARTS < settings.windows * part:
@@ -76,44 +132,27 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
 
 
 def make_models(recipe: Recipe, seed: int) -> tuple[ObjectModel, ...]:
-    """Gather experience and return the model of each of the recipe's objects.
+    """Return the model of each of the recipe's objects: that of another skill, or estimated from experience.
 
     Raises:
-        InputError: the experience is not enough for the settings of a model.
+        InputError: the experience is not enough for the settings of a model, or the other skill has none.
     """
-    stretches = experience(recipe, seed)
-    return tuple(_model(settings, stretches[settings.kind], recipe) for settings in recipe.objects)
+    given = {one.kind: _model_of(one.model_of, one.kind) for one in recipe.objects if one.model_of is not UNSET}
+    stretches = experience(recipe, seed) if len(given) < len(recipe.objects) else {}
+    return tuple(given.get(one.kind) or _model(recipe, one, stretches[one.kind]) for one in recipe.objects)
 
 
-def _model(settings: ModelSettings, stretches: list[Stretch], recipe: Recipe) -> ObjectModel:
-    enough: list[Stretch] = []
-    total = 0
-    for stretch in stretches:
-        enough.append(stretch)
-        total += len(stretch[0])
-        if total >= recipe.experience.windows:
-            break
-    if settings.estimator == "raw":
-        return raw_model(
-            settings.kind,
-            [seen for _, seen in enough],
-            order=settings.order,
-            image_width=recipe.world.camera.width_px,
-            cell=settings.cell,
-            lost_states=settings.lost_states,
-        )
+def _model_of(source: str, kind: str) -> ObjectModel:
+    skill = load_skill(source)
+    for model in skill.objects:
+        if model.kind == kind:
+            return model
+    looks = ", ".join(model.kind for model in skill.objects)
+    raise InputError(f"model_of: the skill {source!r} looks at {looks}, so it has no model of {kind}")
+
+
+def _model(recipe: Recipe, settings: ModelSettings, stretches: list[Stretch]) -> ObjectModel:
     try:
-        found = identify(
-            enough,
-            history_length=settings.history_length,
-            order=settings.order,
-            future_inputs=recipe.experience.future_inputs,
-        )
+        return make_model(settings, stretches, recipe.experience, image_width=recipe.world.camera.width_px)[0]
     except ValueError as error:
         raise InputError(f"the recipe {recipe.name!r}, the model of {settings.kind}: {error}") from None
-    memory_matrix = found.memory_matrix
-    if settings.axes == "varimax":
-        memory_matrix = simple_axes(found, enough).T @ memory_matrix
-    return ObjectModel(
-        settings.kind, found.history_length, memory_matrix, found.past_mean, settings.cell, settings.lost_states
-    )

@@ -1,4 +1,4 @@
-"""Learn a skill from nothing: gather experience, identify the models, learn the table, measure the result."""
+"""Learn a skill, from nothing or from other skills: make the models, learn the table, measure the result."""
 
 from __future__ import annotations
 
@@ -10,18 +10,21 @@ from typing import Any, Literal, Self
 
 import msgspec
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
 from behaviors.checkpoint import Standing, read_checkpoint, write_checkpoint
+from behaviors.decisions import make_decisions, most_decisions
 from behaviors.experience import make_models
 from behaviors.qlearning import make_learner
 from behaviors.recipe import Recipe, plain_recipe, recipe_digest
+from behaviors.relearning import coordinate
 from behaviors.scene import blank_skill, make_scene, no_start, provisional_skill
 from behaviors.table import all_states, make_table, with_room
 from behaviors.task import COLLISION, SUCCESS
-from behaviors.trials import INFORMED, LEARNED, RANDOM, make_decisions, run_trials
+from behaviors.trials import INFORMED, LEARNED, RANDOM, run_trials
 from coevo.errors import InputError
-from coevo.skill import Skill
+from coevo.skill import Skill, load_skill
 from coevo.soccer.rng import game_seed
 
 __all__ = ["Learning", "Measured", "evaluate", "learn", "wilson_interval"]
@@ -82,14 +85,18 @@ class Learning:
             standing: of a learning of the same recipe, seed and trials.
 
         Raises:
-            InputError: the recipe leaves nothing to learn from.
+            InputError: the recipe leaves nothing to learn from, or its skills do not fit it or each other.
         """
         self._recipe, self._seed, self._trials = recipe, seed, trials
         self._sparse = recipe.learning.storage == "sparse"
-        models = make_models(recipe, seed) if standing is None else standing.models
-        self._blank = blank_skill(recipe, models)
+        self._start = None if recipe.coordination is UNSET else coordinate(recipe, seed=seed)
+        if self._start is not None:
+            self._blank = self._start.skill
+        else:
+            self._blank = blank_skill(recipe, make_models(recipe, seed) if standing is None else standing.models)
         if standing is None:
-            standing = Standing(models, make_table(*self._blank.values.shape, sparse=self._sparse))
+            empty = make_table(*self._blank.values.shape, sparse=self._sparse)
+            standing = Standing(self._blank.objects, empty if self._start is None else self._start.table())
         self._at = standing
         self._scene, self._learner = make_scene(recipe, self._blank), make_learner(recipe.learning)
         self._decisions = make_decisions(recipe.time_limit_steps)
@@ -152,14 +159,20 @@ class Learning:
             "kept_after_trials": at.done if at.best is None else at.kept_after,
             "states_visited": int((at.table.visits.sum(axis=1) > 0).sum()),
         }
-        values = all_states(at.table.values if at.best is None else at.best, at.table.rows)
+        if self._start is not None:
+            about["coordination"] = self._start.about
+        values = self._values(at.table.values if at.best is None else at.best)
         return dataclasses.replace(self._blank, values=values, about=about, sparse=self._sparse)
+
+    def _values(self, learned: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Return (states, actions) values of a skill from those of the table's rows."""
+        values = all_states(learned, self._at.table.rows)
+        return values if self._start is None else self._start.keep(values)
 
     def _play(self, count: int) -> NDArray[np.int64]:
         """Learn from the next trials and return their outcomes."""
         recipe, at = self._recipe, self._at
-        # A trial may visit a new state at each decision, and one when time runs out.
-        at.table = with_room(at.table, count * (-(-recipe.time_limit_steps // recipe.action.min_steps) + 1))
+        at.table = with_room(at.table, count * most_decisions(recipe.time_limit_steps, recipe.action.min_steps))
         seeds = _seeds(self._seed, _LEARNING, at.done, count)
         outcomes, steps = np.zeros(count, np.int64), np.zeros(count, np.int64)
         schedule = at.done, self._trials
@@ -173,8 +186,8 @@ class Learning:
 
         These starts are the same for all checks of one learning, and are neither those of learning nor of evaluation.
         """
-        recipe, table = self._recipe, self._at.table
-        now = dataclasses.replace(self._blank, values=all_states(table.values, table.rows))
+        recipe = self._recipe
+        now = dataclasses.replace(self._blank, values=self._values(self._at.table.values))
         reward = 0.0
         for starts in ("in-view", "anywhere"):
             changed = msgspec.structs.replace(recipe, starts=starts)
@@ -187,11 +200,13 @@ class Learning:
 def _identity(recipe: Recipe, seed: int, trials: int) -> dict[str, Any]:
     """Return what decides the result of a learning."""
     plain: dict[str, Any] = msgspec.to_builtins(recipe)
+    if recipe.coordination is not UNSET:
+        plain["coordination"]["digests"] = {source: load_skill(source).digest for source in recipe.coordination.skills}
     return {**plain, "seed": seed, "trials": trials}
 
 
 def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None, report: Report | None = None) -> Skill:
-    """Learn the recipe's skill from nothing.
+    """Learn the recipe's skill: from nothing, or with ``coordination`` from several skills.
 
     Args:
         recipe: what to learn and how.
@@ -199,7 +214,7 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
         report: called with (trials done, trials in all, share of the last block that succeeded).
 
     Raises:
-        InputError: the recipe leaves nothing to learn from.
+        InputError: the recipe leaves nothing to learn from, or its skills do not fit it or each other.
     """
     seed = recipe.seed if seed is None else seed
     trials = recipe.trials if trials is None else trials

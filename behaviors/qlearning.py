@@ -105,6 +105,7 @@ def lambda_returns(
     learner: Learner,
     values: NDArray[np.float64],
     visits: NDArray[np.int64],
+    fixed: NDArray[np.bool_],
     rows: NDArray[np.int64],
     actions: NDArray[np.int64],
     rewards: NDArray[np.float64],
@@ -115,15 +116,21 @@ def lambda_returns(
     """Update the values backwards through one trial with lambda-returns.
 
     The return of a decision is r + gamma^steps ((1 - lambda) max Q(next) + lambda * return of the next). A trial that
-    ran out of time goes on in the value of the state it reached (row ``last``); one that ended has none (-1).
+    ran out of time goes on in the value of the state it reached (row ``last``); one that ended has none (-1). A row
+    that is ``fixed`` (rows,) stays as it is, and no return reaches across it: a trial that enters it goes on in its
+    value, as if time had run out there (B.6).
     """
     ahead = 0.0
     for k in range(count - 1, -1, -1):
+        if fixed[rows[k]]:
+            continue
         following = last if k == count - 1 else rows[k + 1]
         target = rewards[k]
         if following >= 0:
             best = values[following].max()
-            mixed = best if k == count - 1 else (1.0 - learner.return_lambda) * best + learner.return_lambda * ahead
+            mixed = best
+            if k < count - 1 and not fixed[following]:
+                mixed = (1.0 - learner.return_lambda) * best + learner.return_lambda * ahead
             target += _discount(learner, lengths[k]) * mixed
         ahead = target
         _approach(learner, values, visits, rows[k], actions[k], target)

@@ -11,14 +11,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType
 
 from behaviors.raw import RAW_COMPONENTS
-from coevo.config import Positive, Share, WorldSettings, check, read_toml
+from coevo.config import NonNegative, Positive, Share, WorldSettings, check, read_toml
 from coevo.errors import InputError, nearest_name
 
 __all__ = [
     "ActionSettings",
+    "CoordinationSettings",
     "LearningSettings",
     "ModelSettings",
     "MoverSettings",
@@ -52,8 +53,15 @@ class ModelSettings(_Settings, frozen=True, kw_only=True):
     lost_states: Annotated[int, Meta(ge=1, le=2)] = (
         2  # of an object out of view: 2 tell on which side it was seen last; (3.9) has 1
     )
+    # Taken whole from this skill, an installed name or a path, instead of estimated: skills that share an object can be
+    # coordinated only if they see it through the same model.
+    model_of: str | UnsetType = UNSET
 
     def __post_init__(self) -> None:
+        if self.model_of is not UNSET and (self.estimator, self.history_length, self.order) != ("cva", None, None):
+            raise ValueError(
+                f"model_of = {self.model_of!r} brings its own estimator, history_length and order: leave them out"
+            )
         if self.estimator == "raw":
             if self.history_length not in (None, 1):
                 raise ValueError(f"history_length must be 1 with the estimator 'raw', got {self.history_length}")
@@ -112,8 +120,23 @@ class MoverSettings(_Settings, frozen=True, kw_only=True):
     chaser_speed: Share = 0.3
 
 
+class CoordinationSettings(_Settings, frozen=True, kw_only=True):
+    """One skill from several that are learned already (appendix B.2); see behaviors.coordination."""
+
+    skills: Annotated[tuple[str, ...], Meta(min_length=2, max_length=4)]  # installed names, or paths of skill files
+    areas: Literal["isodata", "none"] = "isodata"  # "none": all states are learned again
+    # Where a skill that only avoids applies: where its values are highest, as (B.3) has it, or where they are lowest.
+    avoid_where: Literal["value", "threat"] = "value"
+    worth: Literal["steps", "values"] = "steps"  # of a state in an area: by the steps to the goal (B.7), or max ^iQ
+    initial: Literal["sum", "blend", "zero"] = "sum"  # values that re-learning begins with
+    max_iterations: Annotated[int, Meta(ge=1, le=1000)] = 10  # of ISODATA
+    split_std: Positive = 1.0  # clusters wider than this are split; in standard deviations of q
+    merge_distance: NonNegative = 0.5  # clusters nearer than this are merged
+    steps_trials: Annotated[int, Meta(ge=1, le=1_000_000)] = 5000  # from which the steps to a goal are estimated
+
+
 class Recipe(_Settings, frozen=True, kw_only=True):
-    """One skill, from nothing."""
+    """One skill, from nothing or, with ``coordination``, from skills that are there."""
 
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]  # a part of the folder's name
     task: Literal["shoot", "pass", "avoid", "search"]
@@ -128,6 +151,9 @@ class Recipe(_Settings, frozen=True, kw_only=True):
     experience: ExperienceSettings = ExperienceSettings()
     action: ActionSettings = ActionSettings()
     learning: LearningSettings = LearningSettings()
+    coordination: CoordinationSettings | UnsetType = (
+        UNSET  # a recipe without it reads, and hashes, as if it were unknown
+    )
     world: WorldSettings = WorldSettings()
 
     def __post_init__(self) -> None:
@@ -141,6 +167,11 @@ class Recipe(_Settings, frozen=True, kw_only=True):
             raise ValueError(f"the task {self.task!r} needs another robot: set mover.kind")
         if self.task != "pass" and any(model.kind == "mate" for model in self.objects) and self.mover.kind != "none":
             raise ValueError("objects: only the task 'pass' has a mate; look at 'robot' instead")
+        if self.coordination is not UNSET:
+            if len({model.kind for model in self.objects}) < len(self.objects):
+                raise ValueError("objects: with coordination, every object stands once")
+            if self.learning.storage == "sparse":
+                raise ValueError("learning.storage: with coordination every state has values from the start: 'dense'")
         others = [model.kind for model in self.objects if model.kind in ("mate", "robot")]
         if others and self.mover.kind == "none":
             raise ValueError(f"objects: {others[0]!r} is another robot, but there is none: set mover.kind")

@@ -50,7 +50,9 @@ def make_scene(recipe: Recipe, skill: Skill) -> Scene:
 def _world(recipe: Recipe, robots: int) -> World:
     """Return a world of the recipe; kept, since a scene holds only addresses of it."""
     key = (msgspec.json.encode(recipe.world), robots)
-    return _worlds.setdefault(key, World(recipe.world, robots))
+    if key not in _worlds:
+        _worlds[key] = World(recipe.world, robots)
+    return _worlds[key]
 
 
 def blank_skill(recipe: Recipe, models: tuple[ObjectModel, ...]) -> Skill:

@@ -21,14 +21,14 @@ from behaviors.learning import learn
 from behaviors.recipe import installed_recipes, read_recipe
 from coevo.console import note, table
 
-__all__ = ["main"]
+__all__ = ["STARTS_SEED", "main"]
 
-_STARTS_SEED = 2_000_000  # of the starts that the study is measured on: neither those of cards nor of learning
+STARTS_SEED = 2_000_000  # of the starts that the study is measured on: neither those of cards nor of learning
 
 
 def _one(name: str, seed: int, games: int) -> dict[str, Any]:
     recipe = msgspec.structs.replace(read_recipe(name), seed=seed)
-    return make_card(recipe, learn(recipe), games=games, seed=_STARTS_SEED)
+    return make_card(recipe, learn(recipe), games=games, seed=STARTS_SEED)
 
 
 @click.command()

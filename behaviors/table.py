@@ -26,12 +26,14 @@ class Table(NamedTuple):
     """Action values, of all states or of those that were visited.
 
     values: (room, actions) float64. visits: (room, actions) int64, how often each was updated.
+    fixed: (room,) bool, whether a row stays as it is, and the bank's policy acts in its state (B.2.3).
     rows: (states,) int32, the row of each state, -1 for none yet.
     used: (1,) int64, how many rows are in use.
     """
 
     values: NDArray[np.float64]
     visits: NDArray[np.int64]
+    fixed: NDArray[np.bool_]
     rows: NDArray[np.int32]
     used: NDArray[np.int64]
 
@@ -40,7 +42,8 @@ def make_table(states: int, actions: int, *, sparse: bool = False) -> Table:
     """Return a table of zeros; a sparse one has no rows yet."""
     used = 0 if sparse else states
     rows = np.full(states, -1, np.int32) if sparse else np.arange(states, dtype=np.int32)
-    return Table(np.zeros((used, actions)), np.zeros((used, actions), np.int64), rows, np.array([used]))
+    values, visits, fixed = np.zeros((used, actions)), np.zeros((used, actions), np.int64), np.zeros(used, np.bool_)
+    return Table(values, visits, fixed, rows, np.array([used]))
 
 
 def with_room(table: Table, more: int) -> Table:
@@ -50,8 +53,9 @@ def with_room(table: Table, more: int) -> Table:
     if needed <= room:
         return table
     values, visits = np.zeros((needed, actions)), np.zeros((needed, actions), np.int64)
-    values[:room], visits[:room] = table.values, table.visits
-    return Table(values, visits, table.rows, table.used)
+    fixed = np.zeros(needed, np.bool_)
+    values[:room], visits[:room], fixed[:room] = table.values, table.visits, table.fixed
+    return Table(values, visits, fixed, table.rows, table.used)
 
 
 def all_states(values: NDArray[np.float64], rows: NDArray[np.int32]) -> NDArray[np.float32]:

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviors.decisions import Decisions, end_decisions, forget_decisions, next_action
 from behaviors.informed import informed_action
-from behaviors.qlearning import Learner, greedy, lambda_returns, one_step
+from behaviors.qlearning import Learner
 from behaviors.table import Table, row_of
 from behaviors.task import AVOID, COLLISION, FAILURE, GOING, SUCCESS, TaskParams, judge, move_other, start_trial
 from coevo.compiled import borrowed, entry, helper
@@ -18,7 +19,7 @@ from coevo.soccer.camera import FEATURES, ROBOTS, CameraParams, Retina, look
 from coevo.soccer.physics import Handles, PhysicsParams, advance, reset
 from coevo.soccer.rng import below, normal, uniform
 
-__all__ = ["INFORMED", "LEARNED", "RANDOM", "Decisions", "Scene", "gather", "make_decisions", "run_trials"]
+__all__ = ["INFORMED", "LEARNED", "RANDOM", "Scene", "command", "gather", "play_trial", "run_trials", "watch"]
 
 LEARNED, RANDOM, INFORMED = 0, 1, 2
 
@@ -37,52 +38,39 @@ class Scene(NamedTuple):
     commands: NDArray[np.float64]
 
 
-class Decisions(NamedTuple):
-    """The decisions of one trial of a learning, filled anew in each.
-
-    rows: (room,) int64, row of the table. actions: (room,) int64. rewards: (room,) float64, what came while the action
-        lasted. lengths: (room,) int64, how long it lasted in steps.
-    made: (1,) int64, how many there are.
-    last: (1,) int64, row of the state that time ran out in, -1 if the trial ended.
-    """
-
-    rows: NDArray[np.int64]
-    actions: NDArray[np.int64]
-    rewards: NDArray[np.float64]
-    lengths: NDArray[np.int64]
-    made: NDArray[np.int64]
-    last: NDArray[np.int64]
-
-
-def make_decisions(time_limit: int) -> Decisions:
-    """Make room for the decisions of a trial of ``time_limit`` steps."""
-    steps = [np.zeros(time_limit, np.int64) for _ in range(3)]
-    return Decisions(steps[0], steps[1], np.zeros(time_limit), steps[2], np.zeros(1, np.int64), np.zeros(1, np.int64))
-
-
 @helper
-def _watch(
-    scene: Scene,
+def watch(
+    camera: CameraParams,
+    bank: SkillBank,
+    memory: Memory,
+    retina: Retina,
     state: NDArray[np.float64],
+    robot: int,
     time: int,
     code: NDArray[np.float64],
     rng: NDArray[np.uint64],
 ) -> None:
-    """Let the learner see and remember."""
-    features, areas = scene.memory.features[0], scene.memory.areas[0]
-    look(scene.camera, state, 0, 0, scene.retina, features, areas)
-    if scene.camera.noise > 0.0:
-        perturb(scene.camera, scene.memory.areas.shape[1] - 1, features, areas, rng)
-    remember(scene.memory, scene.bank, 0, time, code, 0.5 * scene.camera.columns)
+    """Let a robot of side 0 see and remember; ``code``: (2,) action that led to what it sees."""
+    features, areas = memory.features[robot], memory.areas[robot]
+    look(camera, state, robot, 0, retina, features, areas)
+    if camera.noise > 0.0:
+        perturb(camera, memory.areas.shape[1] - 1, features, areas, rng)
+    remember(memory, bank, robot, time, code, 0.5 * camera.columns)
 
 
 @helper
-def _command(scene: Scene, commands: NDArray[np.float64], action: int, rng: NDArray[np.uint64]) -> None:
-    """Give the learner's drive its command, with the noise of the actuators."""
-    commands[0] = scene.commands[action]
-    if scene.physics.actuator_noise > 0.0:
-        commands[0, 0] *= 1.0 + scene.physics.actuator_noise * normal(rng)
-        commands[0, 1] *= 1.0 + scene.physics.actuator_noise * normal(rng)
+def command(
+    physics: PhysicsParams,
+    wanted: NDArray[np.float64],
+    robot: int,
+    commands: NDArray[np.float64],
+    rng: NDArray[np.uint64],
+) -> None:
+    """Give a robot's drive the ``wanted`` (2,) speed and turn rate, with the noise of the actuators."""
+    commands[robot] = wanted
+    if physics.actuator_noise > 0.0:
+        commands[robot, 0] *= 1.0 + physics.actuator_noise * normal(rng)
+        commands[robot, 1] *= 1.0 + physics.actuator_noise * normal(rng)
 
 
 @entry
@@ -128,11 +116,11 @@ def gather(
                     hold_min + below(rng, hold_max - hold_min + 1),
                 )
             left -= 1
-            _command(scene, commands, action, rng)
+            command(scene.physics, scene.commands[action], 0, commands, rng)
             if robots > 1:
                 move_other(task, chases, state, held, commands, rng)
             advance(scene.handles, scene.physics, state, commands, ball_gap, robot_gap)
-            _watch(scene, state, t, scene.codes[action], rng)
+            watch(scene.camera, scene.bank, scene.memory, scene.retina, state, 0, t, scene.codes[action], rng)
             trial[row] = number
             inputs[row] = scene.codes[action]
             for o in range(objects + 1):
@@ -145,6 +133,75 @@ def gather(
                 break
         number += 1
     return row
+
+
+@helper
+def play_trial(
+    scene: Scene,
+    learner: Learner,
+    learning: bool,
+    policy: int,
+    epsilon: float,
+    ease: float,
+    in_view: bool,
+    table: Table,
+    decisions: Decisions,
+    rng: NDArray[np.uint64],
+) -> tuple[int, int]:
+    """Play one trial; return its outcome and its steps, or -1 steps if no start was found.
+
+    Args:
+        scene, learner, learning, policy, table: see ``run_trials``.
+        epsilon: probability of a random action.
+        ease: of the start, 1 near the ball and what is to be done with it, 0 anywhere.
+        in_view: start where the learner sees what the task is about.
+        decisions: filled with those of the trial, with no rewards.
+        rng: the trial's stream.
+    """
+    task, robots, bank = scene.task, scene.task.robots, scene.bank
+    state, commands = np.zeros((robots + 1, 6)), np.zeros((robots, 2))
+    ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
+    touched, held_other = np.full(1, -1), np.zeros(1, np.int64)
+    if not start_trial(task, scene.physics, scene.camera, ease, in_view, state, scene.retina, scene.memory, rng):
+        return GOING, -1
+    reset(scene.handles, state)
+    forget(scene.memory)
+    # What was in view before the trial is anybody's guess; search would else know one lost state only.
+    for o in range(scene.memory.side.shape[1]):
+        scene.memory.side[0, o] = below(rng, 2)
+    chases = uniform(rng) < task.chaser_share
+    forget_decisions(decisions)
+    watch(scene.camera, bank, scene.memory, scene.retina, state, 0, 0, np.zeros(2), rng)
+    outcome, t = GOING, 0
+    while t < task.time_limit and outcome == GOING:
+        action = next_action(
+            scene.memory,
+            bank,
+            0,
+            0,
+            t,
+            learner,
+            table,
+            decisions,
+            learning,
+            policy == RANDOM,
+            epsilon,
+            -1,
+            1.0,
+            rng,
+        )
+        if policy == INFORMED:
+            action = informed_action(task, scene.physics, state, scene.commands)
+        command(scene.physics, scene.commands[action], 0, commands, rng)
+        if robots > 1:
+            move_other(task, chases, state, held_other, commands, rng)
+        advance(scene.handles, scene.physics, state, commands, ball_gap, robot_gap)
+        t += 1
+        watch(scene.camera, bank, scene.memory, scene.retina, state, 0, t, scene.codes[action], rng)
+        outcome = judge(task, scene.physics, state, scene.memory, ball_gap, robot_gap, touched, t)
+    if learning and outcome == GOING:
+        decisions.last[0] = row_of(table, discrete_state(scene.memory, bank, 0, 0, t))
+    return outcome, t
 
 
 @entry
@@ -176,77 +233,27 @@ def run_trials(
         steps: (trials,) filled with the length of each trial.
     """
     scene = borrowed(scene)
-    task, robots, bank = scene.task, scene.task.robots, scene.bank
-    values, visits = table.values, table.visits
-    choices = values.shape[1]
-    state, commands = np.zeros((robots + 1, 6)), np.zeros((robots, 2))
-    ball_gap, robot_gap = np.empty(robots), np.empty((robots, robots))
-    touched, held_other = np.empty(1, np.int64), np.empty(1, np.int64)
-    standing = np.zeros(2)
+    task = scene.task
     rng = np.zeros(1, np.uint64)
-    rows, actions, rewards, lengths = decisions.rows, decisions.actions, decisions.rewards, decisions.lengths
     for n in range(seeds.shape[0]):
         rng[0] = seeds[n]
         progress = (first + n) / max(total - 1, 1)
-        epsilon = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * progress
+        epsilon = 0.0
+        if learning:
+            epsilon = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * progress
         ease = 0.0
         if learning and learner.easy_share > 0.0:
             ease = max(0.0, 1.0 - progress / learner.easy_share)
         in_view = task.in_view and not (learning and uniform(rng) < learner.anywhere_share)
-        if not start_trial(task, scene.physics, scene.camera, ease, in_view, state, scene.retina, scene.memory, rng):
+        outcomes[n], steps[n] = play_trial(
+            scene, learner, learning, policy, epsilon, ease, in_view, table, decisions, rng
+        )
+        if steps[n] < 0:
             return False
-        reset(scene.handles, state)
-        forget(scene.memory)
-        # What was in view before the trial is anybody's guess; search would else know one lost state only.
-        for o in range(scene.memory.side.shape[1]):
-            scene.memory.side[0, o] = below(rng, 2)
-        commands[:] = 0.0
-        touched[0], held_other[0] = -1, 0
-        chases = uniform(rng) < task.chaser_share
-        count, action, held, outcome, t, before = 0, -1, 0, GOING, 0, -1
-        _watch(scene, state, 0, standing, rng)
-        while t < task.time_limit:
-            if action < 0 or held >= bank.min_steps[0]:
-                now = discrete_state(scene.memory, bank, 0, 0, t)
-                if action < 0 or held >= bank.max_steps[0] or now != before:
-                    row = row_of(table, now) if learning else 0
-                    if learning and learner.one_step and count > 0:
-                        k = count - 1
-                        one_step(learner, values, visits, rows[k], actions[k], rewards[k], lengths[k], row)
-                    if policy == RANDOM or (learning and uniform(rng) < epsilon):
-                        action = below(rng, choices)
-                    elif learning:
-                        action = greedy(values, row, rng)
-                    else:
-                        action = bank.policy[now]
-                    rows[count], actions[count], rewards[count], lengths[count] = row, action, 0.0, 0
-                    count += 1
-                    held, before = 0, now
-            if policy == INFORMED:
-                action = informed_action(task, scene.physics, state, scene.commands)
-            held += 1
-            lengths[count - 1] += 1
-            _command(scene, commands, action, rng)
-            if robots > 1:
-                move_other(task, chases, state, held_other, commands, rng)
-            advance(scene.handles, scene.physics, state, commands, ball_gap, robot_gap)
-            t += 1
-            _watch(scene, state, t, scene.codes[action], rng)
-            outcome = judge(task, scene.physics, state, scene.memory, ball_gap, robot_gap, touched, t)
-            if outcome != GOING:
-                break
-        if outcome == SUCCESS:
-            rewards[count - 1] += task.goal_reward
-        elif outcome == COLLISION:
-            rewards[count - 1] += task.collision_reward
-        outcomes[n], steps[n] = outcome, t
-        decisions.made[0], decisions.last[0] = count, -1
+        if outcomes[n] == SUCCESS:
+            decisions.rewards[decisions.made[0] - 1] += task.goal_reward
+        elif outcomes[n] == COLLISION:
+            decisions.rewards[decisions.made[0] - 1] += task.collision_reward
         if learning:
-            if outcome == GOING:
-                decisions.last[0] = row_of(table, discrete_state(scene.memory, bank, 0, 0, t))
-            if learner.one_step:
-                k = count - 1
-                one_step(learner, values, visits, rows[k], actions[k], rewards[k], lengths[k], decisions.last[0])
-            else:
-                lambda_returns(learner, values, visits, rows, actions, rewards, lengths, count, decisions.last[0])
+            end_decisions(learner, table, decisions, decisions.last[0])
     return True

@@ -17,6 +17,8 @@ from coevo.console import Progress, emit, note, output_options, put_off_interrup
 from coevo.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from behaviors.learning import Learning
     from behaviors.recipe import Recipe
 
@@ -59,13 +61,15 @@ def learn(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Learn a skill from nothing, measure it, and write it with its recipe and its card.
+    """Learn a skill, measure it, and write it with its recipe and its card.
 
-    A learning that was stopped goes on with --resume, and ends as if it had never stopped.
+    It is learned from nothing; by a recipe with [coordination] from skills that are learned already. A learning that
+    was stopped goes on with --resume, and ends as if it had never stopped.
 
     \b
     Example: coevo learn shoot --seed 5
              coevo learn shoot --seed 5 --resume
+             coevo learn runs/chapter3/shoot-avoiding.toml
     """
     from behaviors.cards import make_card
     from behaviors.recipe import is_recipe_of, read_recipe
@@ -140,7 +144,7 @@ def _begin(recipe: Recipe, checkpoint: Path, *, resume: bool, quiet: bool) -> Le
     from behaviors.learning import Learning
     from behaviors.lpm import PersistentExcitationWarning
 
-    tell_compiling(learning=True, quiet=quiet)
+    tell_compiling(recipe, quiet=quiet)
     if resume and checkpoint.exists():
         learning = Learning.load(checkpoint, recipe, seed=recipe.seed, trials=recipe.trials)
         note(f"Going on after {learning.done} of {recipe.trials} trials.", quiet=quiet)
@@ -214,10 +218,14 @@ def _prepare(folder: Path) -> None:
         probe.unlink()
 
 
-def tell_compiling(*, learning: bool = False, quiet: bool) -> None:
-    """Say that a first run compiles, if it does."""
+def tell_compiling(learned: Recipe | None, *, quiet: bool) -> None:
+    """Say that learning a recipe, or else only measuring, compiles what it takes first, if it does."""
+    from behaviors.steps import count_steps
     from behaviors.trials import gather, run_trials
     from coevo.compiled import is_compiled
 
-    if not is_compiled(run_trials) or (learning and not is_compiled(gather)):
+    needed: list[Callable[..., Any]] = [run_trials]
+    if learned is not None:
+        needed.append(gather if learned.coordination is msgspec.UNSET else count_steps)
+    if not all(is_compiled(kernel) for kernel in needed):
         note("Compiling the trials for this machine, once: about 20 s ...", quiet=quiet)

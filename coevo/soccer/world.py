@@ -73,11 +73,13 @@ class World:
             self._batch(drive_array, _VELOCITIES),
         ]
         shapes = [next(iter(body.shapes)) for body in self.bodies]
-        owned = [self.space._space, *batches]
-        owned += [body._body for body in self.bodies] + [shape._shape for shape in shapes]
-        addresses = [int(_ffi.cast("uintptr_t", item)) for item in owned]
+        located = [self.space._space, *batches]
+        located += [body._body for body in self.bodies] + [shape._shape for shape in shapes]
+        addresses = [int(_ffi.cast("uintptr_t", item)) for item in located]
         addresses.insert(4, self._shape_counter)
-        self._keep_alive: list[Any] = [owned, full_array, drive_array, shapes]
+        # Nothing of pymunk's may stand here. A C space that outlives its Space is freed when nobody holds the bodies
+        # and shapes in it any more, and a garbage collection meanwhile frees them under its hands: a crash.
+        self._keep_alive: list[Any] = [batches, full_array, drive_array]
         return Handles(
             np.array(addresses, np.uint64),
             np.frombuffer(_ffi.buffer(full_array, 4), np.int32),

@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from behaviors.decisions import make_decisions
 from behaviors.qlearning import lambda_returns, make_learner, one_step
 from behaviors.recipe import LearningSettings, read_recipe
 from behaviors.scene import make_scene
 from behaviors.table import all_states, make_table, with_room
 from behaviors.task import COLLISION, GOING, SUCCESS
-from behaviors.trials import LEARNED, make_decisions, run_trials
+from behaviors.trials import LEARNED, run_trials
 from coevo.skill import load_skill
 
 # ------------------------------------------------------------------------------------------------------- lambda-returns
@@ -74,7 +75,8 @@ def fast(rule, values, visits, decisions, last):
             one_step(make_learner(rule), values, visits, *decision, after)
         return
     columns = (np.array(states), np.array(actions), np.array(rewards, np.float64), np.array(lengths))
-    lambda_returns(make_learner(rule), values, visits, *columns, len(decisions), last)
+    none_fixed = np.zeros(len(values), np.bool_)
+    lambda_returns(make_learner(rule), values, visits, none_fixed, *columns, len(decisions), last)
 
 
 SLOW = {"lambda-returns": slow_lambda_returns, "one-step": slow_one_step}

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviors.decisions import make_decisions, most_decisions
-from behaviors.experience import Stretch, in_view, make_model
+from behaviors.experience import Stretch, blind_models, in_view, make_model
 from behaviors.qlearning import make_learner
 from behaviors.recipe import Recipe, plain_recipe, recipe_digest
 from behaviors.table import Table, all_states, make_table, with_room
@@ -119,11 +119,7 @@ def _blank(recipe: Recipe, models: tuple[ObjectModel, ...]) -> Skill:
 
 def _provisional(recipe: Recipe) -> Skill:
     """Return a skill that looks at the right objects but knows nothing, with which experience is gathered."""
-    models = tuple(
-        ObjectModel(m.kind, 1, np.zeros((1, 2 + OBJECT_KINDS[m.kind])), np.zeros(2 + OBJECT_KINDS[m.kind]), m.cell)
-        for m in recipe.objects
-    )
-    return _blank(recipe, models)
+    return _blank(recipe, blind_models(recipe.objects))
 
 
 def _bank(skill: Skill) -> SkillBank:

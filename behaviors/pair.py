@@ -18,7 +18,7 @@ from behaviors.qlearning import Learner
 from behaviors.table import Table, row_of
 from behaviors.task import COLLISION, FAILURE, GOING, SUCCESS, easy_reach
 from behaviors.trials import command, watch
-from coevo.compiled import borrowed, entry, helper
+from coevo.compiled import borrowed, entry, helper, inlined
 from coevo.skill import SkillBank
 from coevo.skill.estimate import Memory, discrete_state, forget, remember
 from coevo.soccer.camera import BALL, FEATURES, ROBOTS, CameraParams, Retina, look
@@ -196,6 +196,11 @@ def _ease(player: Player, progress: float) -> float:
     return max(0.0, 1.0 - progress / share)
 
 
+@helper
+def _anywhere(player: Player) -> float:
+    return player.learner.anywhere_share if player.role == LEARNING else 0.0
+
+
 @entry
 def begin_trial(pair: Pair, progress: float, rng: NDArray[np.uint64]) -> bool:
     """Place everything and forget the trial before; False if no start was found.
@@ -203,10 +208,7 @@ def begin_trial(pair: Pair, progress: float, rng: NDArray[np.uint64]) -> bool:
     ``progress``: share of the period's trials that are done; sets how easy missions are.
     """
     passer, shooter = pair.players
-    anywhere = 0.0
-    for player in pair.players:
-        if player.role == LEARNING:
-            anywhere = max(anywhere, player.learner.anywhere_share)
+    anywhere = max(_anywhere(passer), _anywhere(shooter))
     in_view = pair.rules.in_view and not (anywhere > 0.0 and uniform(rng) < anywhere)
     if not _start(pair, _ease(passer, progress), _ease(shooter, progress), in_view, rng):
         return False
@@ -220,94 +222,95 @@ def begin_trial(pair: Pair, progress: float, rng: NDArray[np.uint64]) -> bool:
     for robot in range(2):
         for o in range(pair.memory.side.shape[1]):
             pair.memory.side[robot, o] = below(rng, 2)
-        forget_decisions(pair.players[robot].decisions)
+    forget_decisions(passer.decisions)
+    forget_decisions(shooter.decisions)
     return True
 
 
-@helper
-def _reward(pair: Pair, robot: int, amount: float) -> None:
-    player = pair.players[robot]
+@inlined
+def _reward(player: Player, amount: float) -> None:
     if player.role == LEARNING:
         player.decisions.rewards[player.decisions.made[0] - 1] += amount
 
 
-@helper
+@inlined
 def _judge(pair: Pair, time: int) -> int:
     """Give rewards for the step, and return how the trial stands after it; a goal is tested before everything else."""
     physics, stage, events, rules = pair.physics, pair.stage, pair.events, pair.rules
+    passer, shooter = pair.players
     before = events.passes[PASSER]
     record_contacts(pair.limits, stage.teams, time, stage.ball_gap, stage.robot_gap, events)
     passes = events.passes[PASSER] - before
     if passes > 0 and (rules.every_pass or stage.passes[0] == 0):
-        _reward(pair, PASSER, rules.pass_reward)
+        _reward(passer, rules.pass_reward)
     stage.passes[0] += passes
     scored = goal_scored(physics, stage.state)
     if scored == 0:
         if events.last_touch[0] != SHOOTER:
             return STRAY_GOAL
-        _reward(pair, SHOOTER, rules.goal_reward)
+        _reward(shooter, rules.goal_reward)
         return SUCCESS
     if stage.robot_gap[0, 1] <= pair.limits.contact_gap:
-        _reward(pair, PASSER, rules.collision_reward)
-        _reward(pair, SHOOTER, rules.collision_reward)
+        _reward(passer, rules.collision_reward)
+        _reward(shooter, rules.collision_reward)
         return COLLISION
     if scored == 1 or out_of_field(physics, stage.state, PASSER) or out_of_field(physics, stage.state, SHOOTER):
         return FAILURE
     return GOING
 
 
-@entry
-def act(pair: Pair, time: int, progress: float, rng: NDArray[np.uint64]) -> int:
-    """Let both robots choose and move by one step; return how the trial stands after it.
-
-    Args:
-        pair: with what was seen until now.
-        time: number of the step, from 0 on.
-        progress: share of the period's trials that are done, (trial - 1) / (N_all - 1): the beta of (3.10); it sets
-            epsilon too.
-        rng: the trial's stream.
-    """
+@inlined
+def _choose(
+    pair: Pair, player: Player, robot: int, time: int, progress: float, rng: NDArray[np.uint64]
+) -> None:
+    """Let a robot choose, and give its drive the command."""
     stage = pair.stage
-    for robot in range(2):
-        player = pair.players[robot]
-        if player.role == STATIONARY:
-            continue
-        if player.role == RANDOM:
-            if stage.held[robot, 1] == 0:
-                stage.held[robot, 0] = below(rng, pair.codes.shape[0])
-                stage.held[robot, 1] = pair.rules.hold_min + below(rng, pair.rules.hold_max - pair.rules.hold_min + 1)
-            stage.held[robot, 1] -= 1
-            action = stage.held[robot, 0]
-        else:
-            learner, epsilon = player.learner, player.fixed_epsilon
-            if player.role == LEARNING:
-                epsilon = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * progress
-            action = next_action(
-                pair.memory,
-                pair.bank,
-                2 * robot,
-                robot,
-                time,
-                learner,
-                player.table,
-                player.decisions,
-                player.role == LEARNING,
-                False,
-                epsilon,
-                player.old,
-                progress,
-                rng,
-            )
-        stage.codes[robot] = pair.codes[action]
-        command(pair.physics, pair.commands[action], robot, stage.commands, rng)
+    if player.role == STATIONARY:
+        return
+    if player.role == RANDOM:
+        if stage.held[robot, 1] == 0:
+            stage.held[robot, 0] = below(rng, pair.codes.shape[0])
+            stage.held[robot, 1] = pair.rules.hold_min + below(rng, pair.rules.hold_max - pair.rules.hold_min + 1)
+        stage.held[robot, 1] -= 1
+        action = stage.held[robot, 0]
+    else:
+        learner, learning = player.learner, player.role == LEARNING
+        epsilon = player.fixed_epsilon
+        if learning:
+            epsilon = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * progress
+        action = next_action(
+            pair.memory,
+            pair.bank,
+            2 * robot,
+            robot,
+            time,
+            learner,
+            player.table,
+            player.decisions,
+            learning,
+            False,
+            epsilon,
+            player.old,
+            progress,
+            rng,
+        )
+    stage.codes[robot] = pair.codes[action]
+    command(pair.physics, pair.commands[action], robot, stage.commands, rng)
+
+
+@inlined
+def _act(pair: Pair, time: int, progress: float, rng: NDArray[np.uint64]) -> int:
+    stage = pair.stage
+    passer, shooter = pair.players
+    _choose(pair, passer, PASSER, time, progress, rng)
+    _choose(pair, shooter, SHOOTER, time, progress, rng)
     advance(pair.handles, pair.physics, stage.state, stage.commands, stage.ball_gap, stage.robot_gap)
     return _judge(pair, time + 1)
 
 
-@helper
-def _keep(pair: Pair, robot: int) -> None:
+@inlined
+def _keep(pair: Pair, player: Player, robot: int) -> None:
     """Write what a robot sees now, and the action that led to it, into its store."""
-    player = pair.players[robot]
     if not player.stores:
         return
     store, memory = player.store, pair.memory
@@ -321,26 +324,33 @@ def _keep(pair: Pair, robot: int) -> None:
             store.features[row, o, k] = memory.features[robot, o, k]
 
 
-@helper
+@inlined
 def _sense(pair: Pair, time: int, rng: NDArray[np.uint64]) -> None:
     """Let both robots see, by the analytic camera, and remember."""
     for robot in range(2):
         code = pair.stage.codes[robot]
         watch(pair.camera, pair.bank, pair.memory, pair.retina, pair.stage.state, robot, time, code, rng)
-        if time > 0:
-            _keep(pair, robot)
+    if time > 0:
+        passer, shooter = pair.players
+        _keep(pair, passer, PASSER)
+        _keep(pair, shooter, SHOOTER)
+
+
+@helper
+def _learn_of_trial(pair: Pair, player: Player, robot: int, ends: int, time: int) -> None:
+    if player.role == LEARNING:
+        last = -1
+        if ends == GOING:
+            last = row_of(player.table, discrete_state(pair.memory, pair.bank, 2 * robot, robot, time))
+        end_decisions(player.learner, player.table, player.decisions, last)
 
 
 @entry
 def end_trial(pair: Pair, ends: int, time: int) -> None:
     """Let the robots that learn do so; ``ends``: how the trial stood after its last step, number ``time``."""
-    for robot in range(2):
-        player = pair.players[robot]
-        if player.role == LEARNING:
-            last = -1
-            if ends == GOING:
-                last = row_of(player.table, discrete_state(pair.memory, pair.bank, 2 * robot, robot, time))
-            end_decisions(player.learner, player.table, player.decisions, last)
+    passer, shooter = pair.players
+    _learn_of_trial(pair, passer, PASSER, ends, time)
+    _learn_of_trial(pair, shooter, SHOOTER, ends, time)
 
 
 @entry
@@ -373,10 +383,10 @@ def run_pair(
         if not begin_trial(pair, progress, rng):
             return False
         pair.stage.trial[0] = first + n
-        _sense(pair, 0, rng)
         t, standing = 0, GOING
+        _sense(pair, t, rng)
         while t < time_limit and standing == GOING:
-            standing = act(pair, t, progress, rng)
+            standing = _act(pair, t, progress, rng)
             t += 1
             _sense(pair, t, rng)
         end_trial(pair, standing, t)
@@ -385,8 +395,25 @@ def run_pair(
 
 
 @entry
-def take_in(pair: Pair, robot: int, time: int) -> None:
-    """Let a robot remember features and areas that were put into its memory from elsewhere."""
-    remember(pair.memory, pair.bank, robot, time, pair.stage.codes[robot], 0.5 * pair.camera.columns)
+def act(pair: Pair, time: int, progress: float, rng: NDArray[np.uint64]) -> int:
+    """Let both robots choose and move by one step; return how the trial stands after it.
+
+    Args:
+        pair: with what was seen until now.
+        time: number of the step, from 0 on.
+        progress: share of the period's trials that are done, (trial - 1) / (N_all - 1): the beta of (3.10); it sets
+            epsilon too.
+        rng: the trial's stream.
+    """
+    return _act(pair, time, progress, rng)
+
+
+@entry
+def take_in(pair: Pair, time: int) -> None:
+    """Let both robots remember, and keep, features and areas that were put into their memory from elsewhere."""
+    for robot in range(2):
+        remember(pair.memory, pair.bank, robot, time, pair.stage.codes[robot], 0.5 * pair.camera.columns)
     if time > 0:
-        _keep(pair, robot)
+        passer, shooter = pair.players
+        _keep(pair, passer, PASSER)
+        _keep(pair, shooter, SHOOTER)

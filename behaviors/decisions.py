@@ -124,7 +124,7 @@ def next_action(
 
 @helper
 def end_decisions(learner: Learner, table: Table, decisions: Decisions, last: int) -> None:
-    """Let the table learn of a trial that is over; ``last``: row of the state that time ran out in, -1 for a real end."""
+    """Let the table learn of a trial that is over; ``last``: row of the state that time ran out in, -1 for an end."""
     decisions.last[0] = last
     if learner.one_step:
         _update_last(learner, table, decisions, last)

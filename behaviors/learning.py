@@ -157,7 +157,7 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
             )
         for kind, found in stretches.items():
             thing = _object_slot(kind, scene)
-            found += in_view(trial, inputs, features[:, thing, : OBJECT_KINDS[kind]], areas[:, thing])
+            found.extend(in_view(trial, inputs, features[:, thing, : OBJECT_KINDS[kind]], areas[:, thing]))
         part += 1
     return stretches
 

@@ -119,7 +119,7 @@ class Stage(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """Everything a trial happens in; the skills of the bank are new and old of the passer, new and old of the shooter."""
+    """Everything a trial happens in; the bank holds new and old skill of the passer, then of the shooter."""
 
     handles: Handles
     physics: PhysicsParams
@@ -260,9 +260,7 @@ def _judge(pair: Pair, time: int) -> int:
 
 
 @inlined
-def _choose(
-    pair: Pair, player: Player, robot: int, time: int, progress: float, rng: NDArray[np.uint64]
-) -> None:
+def _choose(pair: Pair, player: Player, robot: int, time: int, progress: float, rng: NDArray[np.uint64]) -> None:
     """Let a robot choose, and give its drive the command."""
     stage = pair.stage
     if player.role == STATIONARY:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviors.agents import Agent
 from behaviors.experience import Stretch, align, in_view, make_model, window_count
 from behaviors.lpm import LocalPredictionModel, identify
 from behaviors.pair import Store
 from behaviors.recipe import ModelSettings
+from behaviors.schedule_recipe import Schedule
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
-
-if TYPE_CHECKING:
-    from behaviors.schedule import Agent
-    from behaviors.schedule_recipe import Schedule
 
 __all__ = ["error_trace", "exchange", "prediction_errors", "renew_models", "stored_stretches", "stored_windows"]
 
@@ -54,8 +52,8 @@ def renew_models(agent: Agent, schedule: Schedule, period: str, reuse: str) -> l
     """Identify a robot's models from what it has stored; return what is to be told of each, as plain data.
 
     A model stays as it is if its object was in view for fewer than ``store.least_windows`` steps (the dagger of Table
-    3.2). What the robot knew becomes its ``old`` knowledge if ``reuse`` is "mixture", or the values of the new states if
-    it is "copy".
+    3.2). What the robot knew becomes its ``old`` knowledge if ``reuse`` is "mixture", or the values of the new states
+    if it is "copy".
     """
     first = agent.values is None
     experience = schedule.experience
@@ -68,9 +66,7 @@ def renew_models(agent: Agent, schedule: Schedule, period: str, reuse: str) -> l
         windows = window_count(stretches)
         kept = not first and windows < schedule.store.least_windows
         if not kept:
-            model, predictor = make_model(
-                settings, stretches, experience, image_width=schedule.world.camera.width_px
-            )
+            model, predictor = make_model(settings, stretches, experience, image_width=schedule.world.camera.width_px)
             if reuse == "copy" and not first and settings.estimator == "cva" and kind in known:
                 model = align(model, known[kind], stretches)
             if kind in known:
@@ -174,7 +170,9 @@ def error_trace(agent: Agent) -> list[dict[str, Any]]:
             agent.store.features[rows, _OBJECTS[kind], : OBJECT_KINDS[kind]],
             np.nan,
         )
-        error = features[:, _CENTRE_Y] - agent.predictors[kind].predict(agent.store.inputs[rows], features)[:, _CENTRE_Y]
+        error = (
+            features[:, _CENTRE_Y] - agent.predictors[kind].predict(agent.store.inputs[rows], features)[:, _CENTRE_Y]
+        )
         told += [
             {"object": kind, "step": int(step) + 1, "error_px": float(error[step])}
             for step in np.flatnonzero(np.isfinite(error))

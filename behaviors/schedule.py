@@ -1,43 +1,24 @@
-"""The learning schedule of chapter 3 (Uchibe 1999, 3.4 and 3.5.3): who learns, who stores, who renews models, when."""
+"""The learning schedule of chapter 3 (Uchibe 1999, 3.4 and 3.5.3): two robots go through its periods."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from behaviors.agents import NAMES, Agent, Duty, Outcomes, Period, joined, new_agents
 from behaviors.decisions import make_decisions, most_decisions
-from behaviors.experience import blind_models
-from behaviors.lpm import LocalPredictionModel
-from behaviors.pair import (
-    FIXED,
-    LEARNING,
-    PASSER,
-    RANDOM,
-    SHOOTER,
-    STATIONARY,
-    Pair,
-    Player,
-    Rules,
-    Store,
-    make_stage,
-    make_store,
-    run_pair,
-)
+from behaviors.pair import FIXED, LEARNING, PASSER, RANDOM, SHOOTER, Pair, Player, Rules, make_stage, run_pair
 from behaviors.pair_models import renew_models, stored_windows
 from behaviors.qlearning import Learner, make_learner
-from behaviors.schedule_recipe import LearnerSettings, Schedule
+from behaviors.schedule_recipe import Schedule
 from behaviors.table import Table, all_states, make_table, with_room
-from behaviors.task import COLLISION, SUCCESS
 from coevo.config import WorldSettings
 from coevo.errors import InputError
-from coevo.skill import ObjectModel, Skill, make_bank
+from coevo.skill import make_bank
 from coevo.skill.estimate import make_memory
-from coevo.skill.model import MOST_STATES
 from coevo.soccer.camera import camera_params, make_retina
 from coevo.soccer.drive import action_set
 from coevo.soccer.events import EventParams, make_events
@@ -46,110 +27,14 @@ from coevo.soccer.placement import regions
 from coevo.soccer.rng import game_seed
 from coevo.soccer.world import World
 
-__all__ = ["NAMES", "PERIODS", "Agent", "Duty", "Outcomes", "Period", "Report", "Schooling", "new_agents"]
+__all__ = ["ELSEWHERE", "Report", "Schooling"]
 
-NAMES = ("passer", "shooter")
 # What the random streams of a set's seed are for.
 GATHERING, LEARNING_TRIALS, CHECKS, AFTERWARDS, ELSEWHERE = range(5)
 _BLOCK = 250  # trials between two reports of progress
 _GATHERED_AT_ONCE = 20  # trials
 
 Report = Callable[[str, int, int], None]
-
-
-class Duty(NamedTuple):
-    """What a robot does in a period: its role, whether it stores, and what its models are made of at the beginning."""
-
-    role: int
-    stores: bool
-    models: Literal["kept", "random", "stored"]
-
-
-class Period(NamedTuple):
-    """A period, for the passer and the shooter."""
-
-    name: str
-    duties: tuple[Duty, Duty]
-
-
-# Table 3.1. A model is first made of random actions, and later of what was stored while the other robot learned.
-PERIODS = {
-    "scheduled": (
-        Period("A", (Duty(LEARNING, True, "random"), Duty(STATIONARY, False, "kept"))),
-        Period("B", (Duty(FIXED, True, "kept"), Duty(LEARNING, True, "random"))),
-        Period("C", (Duty(LEARNING, False, "stored"), Duty(FIXED, True, "kept"))),
-        Period("D", (Duty(FIXED, True, "kept"), Duty(LEARNING, False, "stored"))),
-    ),
-    "simultaneous": (Period("S", (Duty(LEARNING, True, "random"), Duty(LEARNING, True, "random"))),),
-}
-
-
-@dataclass
-class Agent:
-    """One of the two robots, and all that it has learned.
-
-    Attributes:
-        number: PASSER or SHOOTER. settings: of the recipe.
-        models: of its state. predictors: the local prediction models that these, and ``also``, were made from.
-        values: (states, actions) float32; None as long as it has learned nothing.
-        store: its latest experience.
-        old: models and values of before the last renewal.
-    """
-
-    number: int
-    settings: LearnerSettings
-    models: tuple[ObjectModel, ...]
-    store: Store
-    predictors: dict[str, LocalPredictionModel] = field(default_factory=dict)
-    values: NDArray[np.float32] | None = None
-    old: tuple[tuple[ObjectModel, ...], NDArray[np.float32]] | None = None
-
-    @property
-    def name(self) -> str:
-        """``passer`` or ``shooter``."""
-        return NAMES[self.number]
-
-    def skill(self, schedule: Schedule, *, old: bool = False) -> Skill:
-        """Return what it has learned, or what it had before; zeros as long as there is nothing."""
-        models, values = self.old if old and self.old is not None else (self.models, self.values)
-        states = math.prod(model.states for model in models)
-        if states > MOST_STATES:
-            sizes = " x ".join(str(model.states) for model in models)
-            raise InputError(
-                f"the {self.name} has {sizes} = {states} states, and {MOST_STATES} is the most; give smaller orders"
-            )
-        drive = schedule.world.robot
-        if values is None:
-            values = np.zeros((states, len(action_set(drive).codes)), np.float32)
-        action = self.settings.action
-        return Skill(self.name, drive.drive, models, values, action.min_steps, action.max_steps)
-
-
-@dataclass(frozen=True)
-class Outcomes:
-    """How trials went: (trials,) int64 each; see ``run_pair``."""
-
-    ends: NDArray[np.int64]
-    passes: NDArray[np.int64]
-    steps: NDArray[np.int64]
-
-    def rates(self) -> dict[str, float]:
-        """Return the shares of trials with a pass, the shooter's goal and a collision, and the mean length."""
-        return {
-            "passing": float((self.passes > 0).mean()),
-            "shooting": float((self.ends == SUCCESS).mean()),
-            "collisions": float((self.ends == COLLISION).mean()),
-            "steps": float(self.steps.mean()),
-        }
-
-
-def new_agents(schedule: Schedule) -> tuple[Agent, Agent]:
-    """Return two robots that know nothing."""
-    passer, shooter = (
-        Agent(n, settings, blind_models(settings.objects), make_store(schedule.store.steps))
-        for n, settings in enumerate((schedule.passer, schedule.shooter))
-    )
-    return passer, shooter
 
 
 class Schooling:
@@ -182,7 +67,7 @@ class Schooling:
         self._world = World(self.settings, 2)
         self._report = report
         self._decisions = tuple(make_decisions(schedule.time_limit_steps) for _ in NAMES)
-        self._learners = (make_learner(schedule.passer.learning), make_learner(schedule.shooter.learning))
+        self.learners = (make_learner(schedule.passer.learning), make_learner(schedule.shooter.learning))
 
     def learn(self, periods: tuple[Period, ...]) -> None:
         """Go through the periods."""
@@ -201,10 +86,10 @@ class Schooling:
             self._run_period(period, tables, total)
 
     def table(self, agent: Agent, duty: Duty) -> Table:
-        """Return the table that a robot begins a period with: zeros, or its old values with reuse "copy"."""
+        """Return the table that a robot begins a period with: its values, zeros as long as it has none."""
         skill = agent.skill(self.schedule)
-        sparse = agent.settings.learning.storage == "sparse"
-        table = make_table(*skill.values.shape, sparse=sparse and duty.role == LEARNING and agent.values is None)
+        learns = duty.role == LEARNING and agent.values is None
+        table = make_table(*skill.values.shape, sparse=learns and agent.settings.learning.storage == "sparse")
         if agent.values is not None:
             table.values[:] = agent.values
         return table
@@ -219,7 +104,7 @@ class Schooling:
     ) -> Pair:
         """Return the world with both robots in these roles; a robot that learns reuses what it has as ``old``."""
         schedule, world = self.schedule, self.settings
-        numbers = self._learners if learners is None else learners
+        numbers = self.learners if learners is None else learners
         actions = action_set(world.robot)
         skills = [agent.skill(schedule, old=old) for agent in self.agents for old in (False, True)]
         bank = make_bank(skills, drive=world.robot.drive, actions=len(actions.codes))
@@ -264,9 +149,16 @@ class Schooling:
         )
 
     def run(
-        self, pair: Pair, stream: tuple[int, ...], trials: int, *, first: int = 0, total: int = 1, limit: int | None = None
+        self,
+        pair: Pair,
+        stream: tuple[int, ...],
+        trials: int,
+        *,
+        first: int = 0,
+        total: int = 1,
+        limit: int | None = None,
     ) -> Outcomes:
-        """Run trials number ``first`` and following of ``total``; their seeds come from ``stream`` and their numbers."""
+        """Run trials number ``first`` and following of ``total``, with seeds of a random stream."""
         seeds = np.array([game_seed(self.seed, *stream, first + n) for n in range(trials)], np.uint64)
         ends, passes, steps = (np.zeros(trials, np.int64) for _ in range(3))
         if not run_pair(pair, limit or self.schedule.time_limit_steps, first, total, seeds, ends, passes, steps):
@@ -274,6 +166,15 @@ class Schooling:
                 f"{self.schedule.name}: no start was found; widen the rectangles of [starts], or set in_view = false"
             )
         return Outcomes(ends, passes, steps)
+
+    def afterwards(self, games: int) -> Outcomes:
+        """Measure what both robots do greedily, on starts that no learning and no check has seen; both store."""
+        for agent in self.agents:
+            agent.store.written[0] = 0
+        tables = [make_table(1, len(action_set(self.settings.robot).codes)) for _ in NAMES]
+        players = self.pair((FIXED, FIXED), tables, stores=(True, True))
+        greedy = [player._replace(fixed_epsilon=0.0) for player in players.players]
+        return self.run(players._replace(players=(greedy[0], greedy[1])), (AFTERWARDS,), games)
 
     def _gather(self, period: Period) -> None:
         """Let robots that will make models act at random until they have seen enough of each object.
@@ -295,8 +196,8 @@ class Schooling:
             for kind, windows in stored_windows(agent).items():
                 if windows < least:
                     raise InputError(
-                        f"{self.schedule.name}: random actions brought {kind} into the {agent.name}'s view for {windows}"
-                        f" steps, and {least} are needed; raise store.steps, or lower store.least_windows"
+                        f"{self.schedule.name}: random actions brought {kind} into the {agent.name}'s view for"
+                        f" {windows} steps, and {least} are needed; raise store.steps, or lower store.least_windows"
                     )
         self.gathered[period.name] = done
 
@@ -330,12 +231,12 @@ class Schooling:
                 self.checks.append({"period": period.name, "trials": done, **now.rates(), "kept": int(kept)})
             if self._report is not None:
                 self._report(period.name, done, total)
-        self.trials[period.name] = _joined(found)
+        self.trials[period.name] = joined(found)
         for n in learning:
             self.agents[n].values = all_states(best[n].values, best[n].rows)
 
     def _check(self, period: Period, pair: Pair, games: int) -> Outcomes:
-        """Measure the greedy policies of the tables as they are, on starts that are the same in all of a period's checks."""
+        """Measure the greedy policies of the tables, on starts that are the same in all checks of a period."""
         bank = pair.bank
         for n, player in enumerate(pair.players):
             if player.role == LEARNING:
@@ -365,7 +266,3 @@ def _seen_enough(agent: Agent, windows: int) -> bool:
 
 def _copied(table: Table) -> Table:
     return table._replace(values=table.values[: table.used[0]].copy(), rows=table.rows.copy())
-
-
-def _joined(found: list[Outcomes]) -> Outcomes:
-    return Outcomes(*(np.concatenate([getattr(one, name) for one in found]) for name in ("ends", "passes", "steps")))

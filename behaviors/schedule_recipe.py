@@ -100,6 +100,7 @@ class Schedule(_Settings, frozen=True, kw_only=True):
     passes_rewarded: Literal["first", "each"] = "first"  # of a trial; each one makes robots that pass for ever
     collision_reward: float = -0.3  # [T]
     pass_window_s: NonNegative = 3.0  # [C] "in a short time"
+    games: Annotated[int, Meta(ge=10, le=100_000)] = 500  # that measure both robots after the last period
     passer: LearnerSettings
     shooter: LearnerSettings
     starts: PairStarts = PairStarts()

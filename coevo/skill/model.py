@@ -148,6 +148,10 @@ class Skill:
 
     def save(self, path: Path) -> None:
         """Write the skill as npz, whole or not at all; the same skill gives the same bytes."""
+        write_whole(path, self.to_bytes())
+
+    def to_bytes(self) -> bytes:
+        """Return the skill as an npz file holds it."""
         header = {
             "format": FORMAT,
             "name": self.name,
@@ -168,7 +172,7 @@ class Skill:
             arrays["values"] = self.values
         for i, model in enumerate(self.objects):
             arrays[f"memory_matrix_{i}"], arrays[f"past_mean_{i}"] = model.memory_matrix, model.past_mean
-        write_whole(path, pack_arrays(arrays))
+        return pack_arrays(arrays)
 
 
 def _header(model: ObjectModel) -> dict[str, Any]:

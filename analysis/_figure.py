@@ -62,7 +62,8 @@ def line_chart(
         return f'<text x="{across:.1f}" y="{down:.1f}" text-anchor="{anchor}"{turn}>{html.escape(words)}</text>'
 
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" font-family="sans-serif" font-size="12">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" font-size="12">',
+        "<style>text { font-family: sans-serif }</style>",
         '<rect width="100%" height="100%" fill="white"/>',
         text(0.5 * _WIDTH, 18, title),
         text(0.5 * (_LEFT + _WIDTH), _HEIGHT - 10, x_label),

@@ -68,7 +68,7 @@ def read_methods(folder: Path) -> list[Method]:
         click.ClickException: there is none.
     """
     methods = []
-    for path in sorted(p.parent for p in folder.glob("*/settings.toml")):
+    for path in sorted(p.parent for p in folder.glob("*/settings.json")):
         sets = sorted(p.parent for p in path.glob("set-*/set.json"))
         if not sets:
             continue

@@ -28,7 +28,6 @@ from behaviors.schedule import Report, Schooling
 from behaviors.schedule_recipe import Schedule, read_schedule
 from behaviors.transfer import transfer
 from coevo.compiled import is_compiled
-from coevo.config import to_toml
 from coevo.console import duration, note
 from coevo.errors import InputError
 from coevo.soccer.rng import game_seed
@@ -112,8 +111,8 @@ def _write(folder: Path, files: Files) -> None:
 
 def _prepare(folder: Path, schedule: Schedule) -> None:
     """Make the folder of a method; one that is there must be of the same settings."""
-    text = to_toml(schedule)
-    path = folder / "settings.toml"
+    text = msgspec.json.format(msgspec.json.encode(schedule), indent=2).decode() + "\n"
+    path = folder / "settings.json"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if path.exists() and path.read_text(encoding="utf-8") != text:

@@ -21,7 +21,7 @@ from behaviors.trials import command, watch
 from coevo.compiled import borrowed, entry, helper, inlined
 from coevo.skill import SkillBank
 from coevo.skill.estimate import Memory, discrete_state, forget, remember
-from coevo.soccer.camera import BALL, FEATURES, ROBOTS, CameraParams, Retina, look
+from coevo.soccer.camera import BALL, FEATURES, OPPONENT_GOAL, ROBOTS, CameraParams, Retina, look
 from coevo.soccer.events import EventParams, Events, clear_events, goal_scored, out_of_field, record_contacts
 from coevo.soccer.physics import Handles, PhysicsParams, advance, reset
 from coevo.soccer.placement import place
@@ -180,7 +180,7 @@ def _start(pair: Pair, ease_passer: float, ease_shooter: float, in_view: bool, r
         if not in_view:
             return True
         look(pair.camera, state, SHOOTER, 0, pair.retina, memory.features[SHOOTER], memory.areas[SHOOTER])
-        if memory.areas[SHOOTER, BALL] <= 0.0:
+        if memory.areas[SHOOTER, BALL] <= 0.0 or memory.areas[SHOOTER, OPPONENT_GOAL] <= 0.0:
             continue
         look(pair.camera, state, PASSER, 0, pair.retina, memory.features[PASSER], memory.areas[PASSER])
         if memory.areas[PASSER, BALL] > 0.0 and memory.areas[PASSER, ROBOTS] > 0.0:

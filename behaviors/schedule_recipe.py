@@ -56,10 +56,10 @@ class StoreSettings(_Settings, frozen=True, kw_only=True):
 class PairStarts(_Settings, frozen=True, kw_only=True):
     """Where trials start: uniform in rectangles."""
 
-    in_view: bool = True  # the passer sees ball and shooter, the shooter the ball
-    ball: StartSettings = StartSettings(x_m=(1.5, 7.4), y_m=(0.6, 3.975))
-    passer: StartSettings = StartSettings(x_m=(0.4, 6.5), y_m=(0.4, 4.175), spread_deg=60.0)
-    shooter: StartSettings = StartSettings(x_m=(1.5, 7.8), y_m=(0.4, 4.175), spread_deg=60.0)
+    in_view: bool = True  # the passer sees ball and shooter, the shooter ball and goal
+    ball: StartSettings = StartSettings(x_m=(2.5, 7.4), y_m=(0.6, 3.975))
+    passer: StartSettings = StartSettings(x_m=(0.4, 6.0), y_m=(0.4, 4.175), spread_deg=60.0)
+    shooter: StartSettings = StartSettings(x_m=(1.5, 7.4), y_m=(0.4, 4.175), spread_deg=60.0)
 
 
 class TransferSettings(_Settings, frozen=True, kw_only=True):

@@ -144,14 +144,14 @@ def prediction(methods: Sequence[Method]) -> Report:
     exchanged: Rows = []
     for method in methods:
         keys = ("where", "robot", "object")
-        relative = _grouped(method, "prediction_errors", keys, "relative")
-        for key, values in _grouped(method, "prediction_errors", keys, "rms_px").items():
+        relative = _grouped(method, "prediction_errors", (*keys, "orders"), "relative")
+        for key, values in _grouped(method, "prediction_errors", (*keys, "orders"), "rms_px").items():
             errors.append([method.name, *key, _interval(values), _interval(relative[key])])
         for key, values in _grouped(method, "exchange", keys, "error_ratio").items():
             exchanged.append([method.name, *key, _interval(values)])
     who = ["method", "world", "observer", "target"]
     return {
-        "figure-3-8": ([*who, "error of y [px]", "error / deviation of y"], errors),
+        "figure-3-8": ([*who, "orders", "error of y [px]", "error / deviation of y"], errors),
         "exchange": ([*who, "error with the other's model / own"], exchanged),
     }
 

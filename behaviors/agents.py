@@ -59,6 +59,7 @@ class Agent:
     Attributes:
         number: PASSER or SHOOTER. settings: of the recipe.
         models: of its state. predictors: the local prediction models that these, and ``also``, were made from.
+        chosen: models of the same experience with the orders that 3.2.3 and (3.6) choose; only reported.
         values: (states, actions) float32; None as long as it has learned nothing.
         store: its latest experience.
         old: models and values of before the last renewal.
@@ -69,6 +70,7 @@ class Agent:
     models: tuple[ObjectModel, ...]
     store: Store
     predictors: dict[str, LocalPredictionModel] = field(default_factory=dict)
+    chosen: dict[str, LocalPredictionModel] = field(default_factory=dict)
     values: NDArray[np.float32] | None = None
     old: tuple[tuple[ObjectModel, ...], NDArray[np.float32]] | None = None
 

@@ -98,6 +98,7 @@ def _description(
         told["contribution"] = predictor.contribution.tolist()
         if schedule.store.report_orders and not kept:
             chosen = identify(stretches, future_inputs=schedule.experience.future_inputs)
+            agent.chosen[kind] = chosen
             told |= {"chosen_order": chosen.order, "chosen_history_length": chosen.history_length}
             told["chosen_contribution"] = chosen.contribution.tolist()
     return told
@@ -115,23 +116,17 @@ def _residuals(model: LocalPredictionModel, stretches: list[Stretch]) -> Array:
 def prediction_errors(agent: Agent, where: str) -> list[dict[str, Any]]:
     """Return for each object the error of predicting its centre's y one step ahead, over what is stored.
 
-    rms_px: root mean square [px]. relative: that by the standard deviation of y itself.
+    orders: "used" are those of the recipe, "chosen" those of 3.2.3 and (3.6). rms_px: root mean square [px]. relative:
+    that by the standard deviation of y itself.
     """
     told = []
-    for kind, model in agent.predictors.items():
+    models = [("used", agent.predictors), ("chosen", agent.chosen)]
+    for orders, kind, model in [(orders, *item) for orders, known in models for item in known.items()]:
         found = _residuals(model, stored_stretches(agent.store, kind))
         if len(found) > 1:
             rms, spread = float(np.sqrt((found[:, 0] ** 2).mean())), float(found[:, 1].std())
-            told.append(
-                {
-                    "where": where,
-                    "robot": agent.name,
-                    "object": kind,
-                    "windows": len(found),
-                    "rms_px": rms,
-                    "relative": rms / spread if spread > 0.0 else 0.0,
-                }
-            )
+            row = {"where": where, "robot": agent.name, "object": kind, "orders": orders, "windows": len(found)}
+            told.append({**row, "rms_px": rms, "relative": rms / spread if spread > 0.0 else 0.0})
     return told
 
 

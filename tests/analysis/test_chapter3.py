@@ -43,7 +43,9 @@ def folder(tmp_path):
         summary = {
             "after": {"passing": share, "shooting": 0.5, "collisions": 0.0},
             "models": [{**common, **model, "contribution": [0.9, 0.5 + 0.1 * number]}],
-            "prediction_errors": [{**common, "where": "simulation", "rms_px": 1.0 + number, "relative": 0.1}],
+            "prediction_errors": [
+                {**common, "where": "simulation", "orders": "used", "rms_px": 1.0 + number, "relative": 0.1}
+            ],
             "exchange": [{**common, "where": "simulation", "error_ratio": 2.0}],
         }
         (path / "set.json").write_text(json.dumps(summary))

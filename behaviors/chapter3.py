@@ -10,14 +10,17 @@ from __future__ import annotations
 
 import csv
 import io
+import multiprocessing
+import os
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
-import joblib
 import msgspec
 import numpy as np
 
@@ -133,6 +136,22 @@ def _one(schedule: Schedule, number: int, folder: Path, *, quiet: bool) -> tuple
     return name, time.monotonic() - start
 
 
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let processes that start in the block do linear algebra with one thread, as its last bits depend on how many."""
+    names = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
 @click.command()
 @click.argument("recipes", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECIPE.toml...")
 @click.option("--sets", type=click.IntRange(min=1), default=10, show_default=True, help="Of each method.")
@@ -160,11 +179,11 @@ def main(
         note(f"{len(tasks)} sets to run, {len(recipes) * sets - len(tasks)} are finished", quiet=quiet)
         if tasks and not is_compiled(run_pair):
             note("Compiling the trials for this machine, once: a minute or two ...", quiet=quiet)
-        # Threads: compiled trials hold no lock, and all of them see the same number of threads in linear algebra.
-        run = joblib.Parallel(n_jobs=workers, backend="threading", return_as="generator_unordered")
-        jobs = (joblib.delayed(_one)(*task, quiet=quiet) for task in tasks)
-        for done, (name, seconds) in enumerate(run(jobs), start=1):
-            note(f"{name} finished after {duration(seconds)} ({done} of {len(tasks)})", quiet=quiet)
+        with _one_thread_each(), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+            jobs = [pool.submit(_one, *task, quiet=quiet) for task in tasks]
+            for done, job in enumerate(as_completed(jobs), start=1):
+                name, seconds = job.result()
+                note(f"{name} finished after {duration(seconds)} ({done} of {len(tasks)})", quiet=quiet)
     except InputError as error:
         raise click.ClickException(str(error)) from None
     click.echo(f"Written: {out}; now 'python -m analysis.chapter3 {out}'")

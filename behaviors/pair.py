@@ -210,7 +210,13 @@ def begin_trial(pair: Pair, progress: float, rng: NDArray[np.uint64]) -> bool:
     passer, shooter = pair.players
     anywhere = max(_anywhere(passer), _anywhere(shooter))
     in_view = pair.rules.in_view and not (anywhere > 0.0 and uniform(rng) < anywhere)
-    if not _start(pair, _ease(passer, progress), _ease(shooter, progress), in_view, rng):
+    ease_passer, ease_shooter = _ease(passer, progress), _ease(shooter, progress)
+    if ease_passer > 0.0 and ease_shooter > 0.0:  # a start that is easy for both hardly exists
+        if below(rng, 2) == 0:
+            ease_passer = 0.0
+        else:
+            ease_shooter = 0.0
+    if not _start(pair, ease_passer, ease_shooter, in_view, rng):
         return False
     reset(pair.handles, pair.stage.state)
     forget(pair.memory)

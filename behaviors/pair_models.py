@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import msgspec
@@ -10,10 +11,11 @@ from numpy.typing import NDArray
 
 from behaviors.agents import Agent
 from behaviors.experience import Stretch, align, in_view, make_model, window_count
-from behaviors.lpm import LocalPredictionModel, identify
+from behaviors.lpm import LocalPredictionModel, PersistentExcitationWarning, identify
 from behaviors.pair import Store
-from behaviors.recipe import ModelSettings
+from behaviors.recipe import ExperienceSettings, ModelSettings
 from behaviors.schedule_recipe import Schedule
+from coevo.skill import ObjectModel
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 
@@ -52,8 +54,9 @@ def renew_models(agent: Agent, schedule: Schedule, period: str, reuse: str) -> l
     """Identify a robot's models from what it has stored; return what is to be told of each, as plain data.
 
     A model stays as it is if its object was in view for fewer than ``store.least_windows`` steps (the dagger of Table
-    3.2). What the robot knew becomes its ``old`` knowledge if ``reuse`` is "mixture", or the values of the new states
-    if it is "copy".
+    3.2), or if the stored actions are too much the same to tell their effects apart, as those of a greedy policy may
+    be. What the robot knew becomes its ``old`` knowledge if ``reuse`` is "mixture", or the values of the new states if
+    it is "copy".
     """
     first = agent.values is None
     experience = schedule.experience
@@ -64,21 +67,35 @@ def renew_models(agent: Agent, schedule: Schedule, period: str, reuse: str) -> l
         kind = settings.kind
         stretches = stored_stretches(agent.store, kind)
         windows = window_count(stretches)
-        kept = not first and windows < schedule.store.least_windows
-        if not kept:
-            model, predictor = make_model(settings, stretches, experience, image_width=schedule.world.camera.width_px)
-            if reuse == "copy" and not first and settings.estimator == "cva" and kind in known:
+        model, predictor = None, None
+        if first or windows >= schedule.store.least_windows:
+            width = schedule.world.camera.width_px
+            model, predictor = _identified(settings, stretches, experience, width)
+        if model is not None and kind in known:
+            if reuse == "copy" and not first and settings.estimator == "cva":
                 model = align(model, known[kind], stretches)
-            if kind in known:
-                known[kind] = model
-            if predictor is not None:
-                agent.predictors[kind] = predictor
+            known[kind] = model
+        if predictor is not None:
+            agent.predictors[kind] = predictor
+        kept = model is None
         told.append(_description(agent, kind, period, windows, stretches, kept=kept, schedule=schedule))
     if not first and agent.values is not None:
         agent.old = (agent.models, agent.values) if reuse == "mixture" else None
         agent.values = agent.values if reuse == "copy" else None
     agent.models = tuple(known[model.kind] for model in agent.models)
     return told
+
+
+def _identified(
+    settings: ModelSettings, stretches: list[Stretch], experience: ExperienceSettings, width: int
+) -> tuple[ObjectModel | None, LocalPredictionModel | None]:
+    """Return a new model of an object, none if the actions do not excite it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", PersistentExcitationWarning)
+        try:
+            return make_model(settings, stretches, experience, image_width=width)
+        except PersistentExcitationWarning:
+            return None, None
 
 
 def _description(
@@ -97,7 +114,9 @@ def _description(
         told |= {"order": predictor.order, "history_length": predictor.history_length}
         told["contribution"] = predictor.contribution.tolist()
         if schedule.store.report_orders and not kept:
-            chosen = identify(stretches, future_inputs=schedule.experience.future_inputs)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", PersistentExcitationWarning)  # longer histories need more
+                chosen = identify(stretches, future_inputs=schedule.experience.future_inputs)
             agent.chosen[kind] = chosen
             told |= {"chosen_order": chosen.order, "chosen_history_length": chosen.history_length}
             told["chosen_contribution"] = chosen.contribution.tolist()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from behaviors.experience import blind_models
 from behaviors.lpm import LocalPredictionModel
-from behaviors.pair import FIXED, LEARNING, STATIONARY, Store, make_store
+from behaviors.pair_data import FIXED, LEARNING, STATIONARY, Store, make_store
 from behaviors.schedule_recipe import LearnerSettings, Schedule
 from behaviors.task import COLLISION, SUCCESS
 from coevo.errors import InputError

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from behaviors.agents import Agent
 from behaviors.experience import Stretch, align, in_view, make_model, window_count
 from behaviors.lpm import LocalPredictionModel, PersistentExcitationWarning, identify
-from behaviors.pair import Store
+from behaviors.pair_data import Store
 from behaviors.recipe import ExperienceSettings, ModelSettings
 from behaviors.schedule_recipe import Schedule
 from coevo.skill import ObjectModel

@@ -10,7 +10,8 @@ import numpy as np
 
 from behaviors.agents import NAMES, Agent, Duty, Outcomes, Period, joined, new_agents
 from behaviors.decisions import make_decisions, most_decisions
-from behaviors.pair import FIXED, LEARNING, PASSER, RANDOM, SHOOTER, Pair, Player, Rules, make_stage, run_pair
+from behaviors.pair import run_pair
+from behaviors.pair_data import FIXED, LEARNING, PASSER, RANDOM, SHOOTER, Pair, Player, Rules, make_stage
 from behaviors.pair_models import renew_models, stored_windows
 from behaviors.qlearning import Learner, make_learner
 from behaviors.schedule_recipe import Schedule

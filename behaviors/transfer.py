@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviors.agents import Agent, Duty, Outcomes, joined
-from behaviors.pair import LEARNING, Pair, act, begin_trial, end_trial, take_in
+from behaviors.pair import act, begin_trial, end_trial, take_in
+from behaviors.pair_data import LEARNING, Pair
 from behaviors.pair_models import renew_models
 from behaviors.qlearning import Learner
 from behaviors.schedule import ELSEWHERE, Report, Schooling

@@ -13,7 +13,8 @@ from scipy import stats
 from behaviors import pair as pairs
 from behaviors.agents import PERIODS
 from behaviors.experience import align
-from behaviors.pair import FIXED, LEARNING, PASSER, RANDOM, SHOOTER, STATIONARY, STRAY_GOAL
+from behaviors.pair import STRAY_GOAL
+from behaviors.pair_data import FIXED, LEARNING, PASSER, RANDOM, SHOOTER, STATIONARY, make_store
 from behaviors.pair_models import renew_models, stored_stretches, stored_windows
 from behaviors.schedule import Schooling
 from behaviors.schedule_recipe import TransferSettings, read_schedule
@@ -53,7 +54,7 @@ def ready(*changes, roles=(LEARNING, LEARNING), stores=(False, False), schooled)
     agents = tuple(dataclasses.replace(agent, old=None) for agent in schooled.agents)
     one = Schooling(read_schedule(RECIPE, [*SMALL, *changes]), 1, agents=agents)
     for agent in agents:
-        agent.store = pairs.make_store(3000)
+        agent.store = make_store(3000)
     tables = [one.table(agent, PERIODS["simultaneous"][0].duties[0]) for agent in agents]
     return one, one.pair(roles, tables, stores=stores)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from itertools import takewhile
 
@@ -9,6 +10,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from behaviors._cva import lagged
 from behaviors.axes import simple_axes
 from behaviors.lpm import LocalPredictionModel, identify
 from behaviors.raw import raw_model
@@ -21,7 +23,7 @@ from coevo.skill.model import INPUTS, OBJECT_KINDS
 from coevo.soccer.camera import BALL, FEATURES, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 from coevo.soccer.rng import game_seed
 
-__all__ = ["Stretch", "experience", "in_view", "make_model", "make_models", "window_count"]
+__all__ = ["Stretch", "align", "experience", "in_view", "make_model", "make_models", "window_count"]
 
 Array = NDArray[np.float64]
 Stretch = tuple[Array, Array]
@@ -156,3 +158,26 @@ def _model(recipe: Recipe, settings: ModelSettings, stretches: list[Stretch]) ->
         return make_model(settings, stretches, recipe.experience, image_width=recipe.world.camera.width_px)[0]
     except ValueError as error:
         raise InputError(f"the recipe {recipe.name!r}, the model of {settings.kind}: {error}") from None
+
+
+def _states(model: ObjectModel, actions: Array, observations: Array, longest: int) -> Array:
+    """Return (T - longest + 1, order): the states after row ``longest`` - 1 and each later one of a stretch."""
+    length = model.history_length
+    past = np.hstack([lagged(actions, length), lagged(observations, length)])[longest - length :]
+    return np.asarray((past - model.past_mean) @ model.memory_matrix.T)
+
+
+def align(model: ObjectModel, like: ObjectModel, stretches: Sequence[Stretch]) -> ObjectModel:
+    """Return the model with its state turned to agree best with that of another, of the same order.
+
+    The rotation is that of the orthogonal Procrustes problem (Schönemann 1966); covariances stay as they are.
+
+    Args:
+        model, like: of the same object.
+        stretches: where their states are compared.
+    """
+    longest = max(model.history_length, like.history_length)
+    long_enough = [(u, y) for u, y in stretches if len(u) >= longest]
+    mine, theirs = (np.vstack([_states(m, u, y, longest) for u, y in long_enough]) for m in (model, like))
+    left, _, right = np.linalg.svd(theirs.T @ mine)
+    return dataclasses.replace(model, memory_matrix=left @ right @ model.memory_matrix)

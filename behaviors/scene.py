@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
-from behaviors.recipe import Recipe
+from behaviors.recipe import ModelSettings, Recipe
 from behaviors.task import task_params
 from behaviors.trials import Scene
 from coevo.errors import InputError
@@ -19,7 +20,7 @@ from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params
 from coevo.soccer.world import World
 
-__all__ = ["blank_skill", "make_scene", "no_start", "provisional_skill"]
+__all__ = ["blank_skill", "blind_models", "make_scene", "no_start", "provisional_skill"]
 
 _worlds: dict[tuple[bytes, int], World] = {}
 
@@ -73,11 +74,15 @@ def blank_skill(recipe: Recipe, models: tuple[ObjectModel, ...]) -> Skill:
     return Skill(recipe.name, drive, models, values, action.min_steps, action.max_steps)
 
 
+def blind_models(objects: Sequence[ModelSettings]) -> tuple[ObjectModel, ...]:
+    """Return models that look at the right objects but know nothing, with which experience is gathered."""
+    pasts = [(model, INPUTS + OBJECT_KINDS[model.kind]) for model in objects]
+    return tuple(ObjectModel(m.kind, 1, np.zeros((1, past)), np.zeros(past), m.cell) for m, past in pasts)
+
+
 def provisional_skill(recipe: Recipe) -> Skill:
     """Return a skill that looks at the right objects but knows nothing, with which experience is gathered."""
-    pasts = [(model, INPUTS + OBJECT_KINDS[model.kind]) for model in recipe.objects]
-    models = tuple(ObjectModel(m.kind, 1, np.zeros((1, past)), np.zeros(past), m.cell) for m, past in pasts)
-    return blank_skill(recipe, models)
+    return blank_skill(recipe, blind_models(recipe.objects))
 
 
 def no_start(recipe: Recipe) -> InputError:

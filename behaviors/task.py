@@ -28,6 +28,7 @@ __all__ = [
     "SEARCH",
     "SHOOT",
     "TaskParams",
+    "easy_reach",
     "judge",
     "move_other",
     "start_trial",
@@ -100,6 +101,13 @@ def _draw(
 
 
 @helper
+def easy_reach(physics: PhysicsParams, ease: float) -> tuple[float, float]:
+    """Return how far a learner may start from the ball, and the ball from where it should go [m]; ease 0: anywhere."""
+    diagonal = math.sqrt(physics.length * physics.length + physics.width * physics.width)
+    return 0.6 + (1.0 - ease) * diagonal, 1.0 + (1.0 - ease) * diagonal
+
+
+@helper
 def start_trial(
     task: TaskParams,
     physics: PhysicsParams,
@@ -120,7 +128,7 @@ def start_trial(
     bodies = state.shape[0]
     ball = bodies - 1
     diagonal = math.sqrt(physics.length * physics.length + physics.width * physics.width)
-    to_ball, to_aim = 0.6 + (1.0 - ease) * diagonal, 1.0 + (1.0 - ease) * diagonal
+    to_ball, to_aim = easy_reach(physics, ease)
     for _ in range(_TRIES):
         state[:] = 0.0
         if task.task == SHOOT:

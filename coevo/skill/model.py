@@ -150,6 +150,10 @@ class Skill:
 
     def save(self, path: Path) -> None:
         """Write the skill as npz, whole or not at all; the same skill gives the same bytes."""
+        write_whole(path, self.to_bytes())
+
+    def to_bytes(self) -> bytes:
+        """Return the skill as an npz file holds it."""
         objects, models = pack_models(self.objects)
         header = {
             "format": FORMAT,
@@ -169,7 +173,7 @@ class Skill:
             arrays["rows"], arrays["values"] = rows.astype(np.int64), self.values[rows]
         else:
             arrays["values"] = self.values
-        write_whole(path, pack_arrays({**arrays, **models}))
+        return pack_arrays({**arrays, **models})
 
 
 def pack_models(models: Sequence[ObjectModel]) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:

@@ -84,7 +84,11 @@ class _Canvas:
     def fill(self, rays: NDArray[np.float64], colour: _Colour) -> None:
         """Paint what lies within a convex outline, given in order."""
         for bound in self._bounds:
-            rays = _cut(rays, rays @ bound)
+            inside = rays @ bound
+            if (inside < 0.0).all():
+                return
+            if (inside < 0.0).any():
+                rays = _cut(rays, inside)
         points = _shrink(rays[:, :2] / rays[:, 2:] * self._focal + self._centre)
         if len(points) > 0:
             fixed = np.rint(points * (1 << _SHIFT)).astype(np.int32)

@@ -1,0 +1,98 @@
+"""Tables and figures of chapter 3, from sets that are put together by hand."""
+
+from __future__ import annotations
+
+import csv
+import json
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy import stats
+
+from analysis._figure import Line, line_chart
+from analysis.chapter3 import main, read_methods
+
+PASSING = (0.2, 0.4, 0.9)  # of each set, in period E
+
+
+def rows(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for number, share in enumerate(PASSING):
+        path = tmp_path / "schedule" / f"set-{number:02d}"
+        path.mkdir(parents=True)
+        lines = ["period,end,passes,steps", *("A,1,0,5",) * 50, *("B,3,2,7",) * 50]
+        lines += [f"E,0,{int(n < 10 * share)},9" for n in range(10)]
+        (path / "trials.csv").write_text("\n".join(lines) + "\n")
+        (path / "errors.csv").write_text("where,robot,object,step,error_px\nsimulation,passer,ball,1,0.5\n")
+        common = {"robot": "passer", "object": "ball"}
+        model = {
+            "period": "A",
+            "windows": 9,
+            "kept": False,
+            "order": 3,
+            "history_length": 2,
+            "chosen_order": 4 + number,
+        }
+        summary = {
+            "after": {"passing": share, "shooting": 0.5, "collisions": 0.0},
+            "models": [{**common, **model, "contribution": [0.9, 0.5 + 0.1 * number]}],
+            "prediction_errors": [
+                {**common, "where": "simulation", "orders": "used", "rms_px": 1.0 + number, "relative": 0.1}
+            ],
+            "exchange": [{**common, "where": "simulation", "error_ratio": 2.0}],
+        }
+        (path / "set.json").write_text(json.dumps(summary))
+    (tmp_path / "schedule" / "settings.json").write_text("{}")
+    return tmp_path
+
+
+def test_tables_hold_means_and_student_s_intervals_over_sets(folder):
+    result = CliRunner().invoke(main, [str(folder)])
+    assert result.exit_code == 0, result.output
+    row = rows(folder / "report" / "table-3-3.csv")[0]
+    low, high = stats.t.interval(0.95, len(PASSING) - 1, np.mean(PASSING), stats.sem(PASSING))
+    assert row["passing"] == f"{np.mean(PASSING):.3f} [{low:.3f}, {high:.3f}]"
+    assert (row["method"], row["period"], row["trials a set"]) == ("schedule", "E", "10")
+    order = rows(folder / "report" / "table-3-2.csv")[0]
+    assert (order["order"], order["chosen order"], order["kept"]) == ("3", "5", "0 of 3")
+    assert "57/100" in result.output
+
+
+def test_curves_are_shares_of_blocks_in_simulation_only(folder):
+    CliRunner().invoke(main, [str(folder)])
+    found = rows(folder / "report" / "figure-3-10.csv")
+    for what, first, second in (("passing", 0.0, 1.0), ("shooting", 1.0, 0.0), ("collisions", 0.0, 1.0)):
+        shares = [float(row["share"]) for row in found if row["what"] == what]
+        assert shares == [first] * 50 + [second] * 50
+    for path in (folder / "report").glob("*.svg"):
+        ET.parse(path)  # noqa: S314 - our own file
+    assert (folder / "report" / "figure-3-9-schedule-passer.svg").exists()
+
+
+def test_a_folder_without_sets_is_refused(tmp_path):
+    result = CliRunner().invoke(main, [str(tmp_path)])
+    assert result.exit_code == 1
+    assert "holds no finished set" in result.output
+
+
+def test_only_whole_sets_are_read(folder):
+    (folder / "schedule" / ".set-09.partial").mkdir()
+    assert len(read_methods(folder)[0].summaries) == len(PASSING)
+
+
+def test_a_chart_puts_points_where_their_values_are():
+    x, y = np.array([0.0, 5.0, 10.0]), np.array([0.0, 1.0, 0.5])
+    chart = line_chart([Line("a < b", x, y)], title="t", x_label="x", y_label="y", marks=[(5.0, "half")])
+    root = ET.fromstring(chart)  # noqa: S314 - our own text
+    (line,) = root.iter("{http://www.w3.org/2000/svg}polyline")
+    points = np.array([[float(v) for v in pair.split(",")] for pair in line.attrib["points"].split()])
+    assert points[1, 0] == pytest.approx(0.5 * (points[0, 0] + points[2, 0]), abs=0.1)
+    assert points[2, 1] == pytest.approx(0.5 * (points[0, 1] + points[1, 1]), abs=0.1)
+    assert points[1, 1] < points[0, 1]  # y points down in SVG

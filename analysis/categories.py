@@ -2,7 +2,7 @@
 
     python -m analysis.categories
 
-The defaults of coevo.config.CategorySettings are this, rounded, for an earlier placement of the robots.
+The defaults of coevo.config.CategorySettings are this, rounded.
 """
 
 from __future__ import annotations

@@ -31,6 +31,7 @@ _TEAMS = {
     "both shoot": ("shoot", "shoot"),
     "both search, then shoot": (_SHOOTER, _SHOOTER),
     "r0 passes, r1 shoots": ("pass", "shoot"),
+    "r0 searches, then passes, r1 shoots": (_PASSER, "shoot"),
     "both search, then r0 passes, r1 shoots": (_PASSER, _SHOOTER),
     "r0 passes once, r1 shoots": (_ONCE, "shoot"),
 }

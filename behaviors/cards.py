@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from behaviors.learning import evaluate, wilson_interval
+from behaviors.learning import Yardstick, evaluate, wilson_interval
 from behaviors.recipe import MoverSettings, Recipe
 from coevo.skill import Skill
 
@@ -24,16 +24,21 @@ def make_card(recipe: Recipe, skill: Skill, *, games: int, seed: int) -> dict[st
         "orders": {model.kind: model.order for model in skill.objects},
         "history_lengths": {model.kind: model.history_length for model in skill.objects},
         "measured": measured,
-        "random_actions": measure(recipe, None, games=games, seed=seed, starts=_starts(recipe)[0]),
+        "random_actions": _beside(recipe, "random", games=games, seed=seed),
+        "true_state_controller": _beside(recipe, "informed", games=games, seed=seed),
     }
+
+
+def _beside(recipe: Recipe, yardstick: Yardstick, *, games: int, seed: int) -> dict[str, Any]:
+    return {starts: measure(recipe, yardstick, games=games, seed=seed, starts=starts) for starts in _starts(recipe)}
 
 
 def _starts(recipe: Recipe) -> list[str]:
     return ["in-view"] if recipe.task in ("search", "avoid") else ["in-view", "anywhere"]
 
 
-def measure(recipe: Recipe, skill: Skill | None, *, games: int, seed: int, starts: str) -> dict[str, Any]:
-    """Return what a skill (None: random actions) does from unseen starts, with the 95 % confidence interval."""
+def measure(recipe: Recipe, skill: Skill | Yardstick, *, games: int, seed: int, starts: str) -> dict[str, Any]:
+    """Return what a skill, or what it is compared with, does from unseen starts, with the 95 % confidence interval."""
     # Success of avoid is defined against a robot that moves at random.
     mover = MoverSettings(kind="random") if recipe.task == "avoid" else None
     result = evaluate(recipe, skill, games=games, seed=seed, starts=starts, mover=mover)
@@ -58,12 +63,12 @@ def describe(label: str, data: dict[str, Any]) -> list[str]:
     """Return what ``measure`` found in words, a line or two."""
     low, high = data["ci95"]
     first = (
-        f"  {label:14s}  success {data['success_rate']:.3f} [{low:.3f}, {high:.3f}]"
+        f"  {label:20s}  success {data['success_rate']:.3f} [{low:.3f}, {high:.3f}]"
         f"  collisions {data['collision_rate']:.3f}  mean {data['mean_steps']:.0f} steps  ({data['games']} trials)"
     )
     lines = [first]
     if "collision_rate_chaser" in data:
         low, high = data["ci95_chaser"]
         chased = data["collision_rate_chaser"]
-        lines.append(f"{'':18s}collisions with a chaser at 0.3 speed {chased:.3f} [{low:.3f}, {high:.3f}]")
+        lines.append(f"{'':24s}collisions with a chaser at 0.3 speed {chased:.3f} [{low:.3f}, {high:.3f}]")
     return lines

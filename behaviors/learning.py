@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import msgspec
 import numpy as np
@@ -22,7 +22,7 @@ from behaviors.relearning import coordinate
 from behaviors.scene import blank_skill, make_scene, no_start, provisional_skill
 from behaviors.table import all_states, make_table, with_room
 from behaviors.task import COLLISION, SUCCESS
-from behaviors.trials import run_trials
+from behaviors.trials import INFORMED, LEARNED, RANDOM, run_trials
 from coevo.errors import InputError
 from coevo.skill import Skill, load_skill
 from coevo.soccer.rng import game_seed
@@ -33,6 +33,8 @@ __all__ = ["Learning", "Measured", "evaluate", "learn", "wilson_interval"]
 _LEARNING, _EVALUATION, _CHECK = 1, 2, 3
 _BLOCK = 250  # trials between two reports of progress
 
+# What a skill is measured beside.
+Yardstick = Literal["random", "informed"]
 Report = Callable[[int, int, float], None]
 
 
@@ -174,7 +176,7 @@ class Learning:
         seeds = _seeds(self._seed, _LEARNING, at.done, count)
         outcomes, steps = np.zeros(count, np.int64), np.zeros(count, np.int64)
         schedule = at.done, self._trials
-        ready = self._scene, self._learner, True, False, *schedule, seeds, at.table, self._decisions, outcomes, steps
+        ready = self._scene, self._learner, True, LEARNED, *schedule, seeds, at.table, self._decisions, outcomes, steps
         if not run_trials(*ready):
             raise no_start(recipe)
         return outcomes
@@ -235,7 +237,7 @@ def _success(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 def evaluate(
     recipe: Recipe,
-    skill: Skill | None,
+    skill: Skill | Yardstick,
     *,
     games: int,
     seed: int,
@@ -246,14 +248,15 @@ def evaluate(
 
     Args:
         recipe: the task.
-        skill: what to measure; None for random actions, each held as long as the recipe allows.
+        skill: what to measure: a skill; "random", actions that are each held as long as the recipe allows; or
+            "informed", a controller that is told the true state (behaviors.informed).
         games: how many trials.
         seed: the starts are drawn from it; they are never those of learning.
         starts: "in-view" or "anywhere", instead of the recipe's.
         mover: MoverSettings instead of the recipe's.
     """
     changed = msgspec.structs.replace(recipe, starts=starts or recipe.starts, mover=mover or recipe.mover)
-    if skill is not None:
+    if isinstance(skill, Skill):
         kinds = {model.kind for model in skill.objects}
         if kinds != {model.kind for model in recipe.objects}:
             wanted = ", ".join(model.kind for model in recipe.objects)
@@ -262,13 +265,14 @@ def evaluate(
     return _run(changed, skill, games, seed, _EVALUATION)
 
 
-def _run(recipe: Recipe, skill: Skill | None, games: int, seed: int, stream: int) -> Measured:
-    """Run ``games`` trials of the recipe without learning; without a skill, at random."""
-    scene = make_scene(recipe, skill if skill is not None else provisional_skill(recipe))
+def _run(recipe: Recipe, skill: Skill | Yardstick, games: int, seed: int, stream: int) -> Measured:
+    """Run ``games`` trials of the recipe without learning."""
+    scene = make_scene(recipe, skill if isinstance(skill, Skill) else provisional_skill(recipe))
+    policy = LEARNED if isinstance(skill, Skill) else RANDOM if skill == "random" else INFORMED
     seeds = _seeds(seed, stream, 0, games)
     outcomes, steps = np.zeros(games, np.int64), np.zeros(games, np.int64)
     learner, unused = make_learner(recipe.learning), make_table(1, len(scene.codes))
     decisions = make_decisions(recipe.time_limit_steps)
-    if not run_trials(scene, learner, False, skill is None, 0, games, seeds, unused, decisions, outcomes, steps):
+    if not run_trials(scene, learner, False, policy, 0, games, seeds, unused, decisions, outcomes, steps):
         raise no_start(recipe)
     return Measured(outcomes, steps, _success(recipe, outcomes))

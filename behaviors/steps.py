@@ -9,7 +9,7 @@ from behaviors.decisions import Decisions
 from behaviors.qlearning import Learner, lambda_returns
 from behaviors.table import Table
 from behaviors.task import GOING, SUCCESS
-from behaviors.trials import Scene, play_trial
+from behaviors.trials import LEARNED, Scene, play_trial
 from coevo.compiled import borrowed, entry, helper
 
 __all__ = ["count_steps"]
@@ -43,7 +43,7 @@ def count_steps(
     rng = np.zeros(1, np.uint64)
     for n in range(seeds.shape[0]):
         rng[0] = seeds[n]
-        outcome, t = play_trial(scene, learner, True, False, 0.0, 0.0, scene.task.in_view, table, decisions, rng)
+        outcome, t = play_trial(scene, learner, True, LEARNED, 0.0, 0.0, scene.task.in_view, table, decisions, rng)
         if t < 0:
             return False
         _expect(learner, never, expected, visits, decisions, outcome)

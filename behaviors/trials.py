@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviors.decisions import Decisions, end_decisions, forget_decisions, next_action
+from behaviors.informed import informed_action
 from behaviors.qlearning import Learner
 from behaviors.table import Table, row_of
 from behaviors.task import AVOID, COLLISION, FAILURE, GOING, SUCCESS, TaskParams, judge, move_other, start_trial
@@ -18,7 +19,9 @@ from coevo.soccer.camera import FEATURES, ROBOTS, CameraParams, Retina, look
 from coevo.soccer.physics import Handles, PhysicsParams, advance, reset
 from coevo.soccer.rng import below, normal, uniform
 
-__all__ = ["Scene", "command", "gather", "play_trial", "run_trials", "watch"]
+__all__ = ["INFORMED", "LEARNED", "RANDOM", "Scene", "command", "gather", "play_trial", "run_trials", "watch"]
+
+LEARNED, RANDOM, INFORMED = 0, 1, 2
 
 
 class Scene(NamedTuple):
@@ -137,7 +140,7 @@ def play_trial(
     scene: Scene,
     learner: Learner,
     learning: bool,
-    random_policy: bool,
+    policy: int,
     epsilon: float,
     ease: float,
     in_view: bool,
@@ -148,7 +151,7 @@ def play_trial(
     """Play one trial; return its outcome and its steps, or -1 steps if no start was found.
 
     Args:
-        scene, learner, learning, random_policy, table: see ``run_trials``.
+        scene, learner, learning, policy, table: see ``run_trials``.
         epsilon: probability of a random action.
         ease: of the start, 1 near the ball and what is to be done with it, 0 anywhere.
         in_view: start where the learner sees what the task is about.
@@ -181,12 +184,14 @@ def play_trial(
             table,
             decisions,
             learning,
-            random_policy,
+            policy == RANDOM,
             epsilon,
             -1,
             1.0,
             rng,
         )
+        if policy == INFORMED:
+            action = informed_action(task, scene.physics, state, scene.commands)
         command(scene.physics, scene.commands[action], 0, commands, rng)
         if robots > 1:
             move_other(task, chases, state, held_other, commands, rng)
@@ -204,7 +209,7 @@ def run_trials(
     scene: Scene,
     learner: Learner,
     learning: bool,
-    random_policy: bool,
+    policy: int,
     first: int,
     total: int,
     seeds: NDArray[np.uint64],
@@ -218,8 +223,8 @@ def run_trials(
     Args:
         scene: world, task and models.
         learner: numbers of Q learning.
-        learning: explore and update ``table``; else follow the bank's policy.
-        random_policy: act at random, each action as long as a learned one (a baseline).
+        learning: explore and update ``table``; else follow ``policy``.
+        policy: LEARNED, the bank's; RANDOM, each action as long as a learned one; INFORMED, see behaviors.informed.
         first, total: number of the first of these trials, and of all trials of the learning: set the schedule.
         seeds: (trials,) uint64.
         table: action values, updated, with room for every state that these trials may visit.
@@ -241,7 +246,7 @@ def run_trials(
             ease = max(0.0, 1.0 - progress / learner.easy_share)
         in_view = task.in_view and not (learning and uniform(rng) < learner.anywhere_share)
         outcomes[n], steps[n] = play_trial(
-            scene, learner, learning, random_policy, epsilon, ease, in_view, table, decisions, rng
+            scene, learner, learning, policy, epsilon, ease, in_view, table, decisions, rng
         )
         if steps[n] < 0:
             return False

@@ -177,18 +177,18 @@ class GameSettings(_Settings, frozen=True, kw_only=True):
 class CategorySettings(_Settings, frozen=True, kw_only=True):
     """Limits of the image categories of Table 6.1.
 
-    The limits of area are about terciles over the visible samples of random play, from an earlier placement of the
-    robots. 'python -m analysis.categories' measures them: with today's presets the ball looks larger (14 and 50 px).
+    The limits of area are about terciles over the visible samples of random play in the presets, which
+    'python -m analysis.categories' measures.
     """
 
     left_below_px: Positive = 64.0 / 3.0  # [C] thirds of the image
     right_from_px: Positive = 128.0 / 3.0
-    ball_small_below_px: NonNegative = 8.0
-    ball_large_from_px: NonNegative = 26.0
-    goal_small_below_px: NonNegative = 40.0
-    goal_large_from_px: NonNegative = 75.0
-    robot_small_below_px: NonNegative = 20.0
-    robot_large_from_px: NonNegative = 50.0
+    ball_small_below_px: NonNegative = 20.0
+    ball_large_from_px: NonNegative = 60.0
+    goal_small_below_px: NonNegative = 35.0
+    goal_large_from_px: NonNegative = 80.0
+    robot_small_below_px: NonNegative = 25.0
+    robot_large_from_px: NonNegative = 65.0
 
 
 class SkillSettings(_Settings, frozen=True, kw_only=True):

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
-import io
 import json
 import platform
 import subprocess
@@ -174,8 +173,8 @@ class Run:
             return np.zeros((0, 32), np.uint8)
 
     def _part(self, generation: int) -> pd.DataFrame:
-        import pandas as pd
         import pyarrow as pa
+        import pyarrow.parquet as pq
 
         path = self._part_path(generation)
         if not path.exists():
@@ -188,12 +187,16 @@ class Run:
             known = self._part_digests()
             if generation < len(known) and known[generation].tobytes() != hashlib.sha256(data).digest():
                 raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
-            return pd.read_parquet(io.BytesIO(data))
+            # Arrow reads its own buffer, in this thread: a thread of its pool that holds a Python object while Python
+            # ends aborts the process (apache/arrow#34314).
+            table = pq.ParquetFile(pa.BufferReader(data), pre_buffer=False).read(use_threads=False)
+            frame: pd.DataFrame = table.to_pandas(use_threads=False)
         except (OSError, ValueError, pa.ArrowException) as error:
             if isinstance(error, InputError):
                 raise
             first = (str(error).splitlines() or [type(error).__name__])[0]
             raise InputError(f"{path} is damaged ({first}); {remedy}") from None
+        return frame
 
     def record(self, generation: int, robot: str) -> pd.DataFrame:
         """Return the individuals of one robot in one generation, best first (by fitness, depth, index)."""
@@ -273,13 +276,13 @@ class Run:
         codes = [tree for record in records for tree in record.codes]
         ends = np.cumsum([0, *(len(tree) for tree in codes)]).astype(np.int32)
         columns["tree"] = pa.ListArray.from_arrays(pa.array(ends), pa.array(np.concatenate(codes)))
-        buffer = io.BytesIO()
+        buffer = pa.BufferOutputStream()  # Arrow's own, as in reading
         pq.write_table(pa.table(columns), buffer, compression="zstd")
         path = self._part_path(generation)
         with _writing(path):
             path.parent.mkdir(exist_ok=True)
         self._save_table(generation, records)  # first: a part on disk promises that its rows are in the table
-        _write_whole(path, buffer.getvalue())
+        _write_whole(path, buffer.getvalue().to_pybytes())
 
     def _save_table(self, generation: int, records: Sequence[GenerationRecord]) -> None:
         lines = [",".join(_COLUMNS), *self._earlier_lines(generation), *_lines(generation, records)]

@@ -104,6 +104,7 @@ def wild(tmp_path_factory):
             f"world.robot.drive='{drive}'",
             "world.field.corner_panels=false",
             "game.time_limit_steps=200",
+            "game.ball_start={x_m=[3.5, 4.5], y_m=[1.4, 2.4]}",
             *skills,
         )
     return found
@@ -309,7 +310,13 @@ def test_each_condition_is_what_the_robot_sees(robot):
 
 def test_the_objects_of_robots_are_the_others_in_their_order():
     # r0 starts with its back to r2. Without any camera: what is behind is lost, what is ahead alone is not.
-    settings = settings_of("three-learners", "game.time_limit_steps=90", "players.1.start.x_m=[1.0, 1.6]")
+    settings = settings_of(
+        "three-learners",
+        "game.time_limit_steps=90",
+        "game.ball_start={x_m=[1.3, 1.9], y_m=[1.3, 1.9]}",
+        "players.0.start={x_m=[1.6, 2.2], y_m=[0.6, 1.2], facing='ball', spread_deg=15.0}",
+        "players.1.start.x_m=[1.0, 1.6]",
+    )
     arena, counts = Arena(settings), {"r1": 0, "r2": 0}
     for seed in seeds_of(16, count=30):
         for name in counts:
@@ -446,12 +453,9 @@ def random_goals():
 @pytest.mark.parametrize(
     "trees",
     [
-        pytest.param((PASSES, HAND_TYPED), id="r0 passes to r1"),
+        pytest.param((PASSES, "shoot"), id="r0 passes to r1"),
         pytest.param(("shoot", "shoot"), id="both shoot"),
-        pytest.param(
-            (HAND_TYPED, HAND_TYPED),
-            id="both search or shoot",
-        ),
+        pytest.param((HAND_TYPED, HAND_TYPED), id="both search or shoot"),
     ],
 )
 def test_a_team_with_some_sense_scores_clearly_more_than_random_ones(random_goals, trees):
@@ -462,6 +466,20 @@ def test_a_team_with_some_sense_scores_clearly_more_than_random_ones(random_goal
     random = random_goals.mean(), random_goals.std(ddof=1) / math.sqrt(len(random_goals))
     error = math.hypot(math.sqrt(share * (1.0 - share) / games), random[1])
     assert share - random[0] > 3.1 * error, (share, *random)
+
+
+@pytest.mark.parametrize("preset", ["two-learners", "stationary-opponent"])
+def test_a_team_that_passes_does_better_than_one_robot_alone(preset):
+    settings, games = settings_of(preset), 1000
+    arena = Arena(settings)
+    ahead = []
+    for texts in ((PASSES, "shoot"), ("shoot", "search"), ("search", "shoot")):
+        trees = [parse(text) for text in texts] + [None] * (len(settings.players) - 2)
+        scorer = arena.play(programs(settings, trees), seeds_of(27, count=games)).scorer
+        ahead.append((scorer == 0).astype(float) - (scorer == 1))
+    for alone in ahead[1:]:
+        gain = ahead[0] - alone  # the same games
+        assert gain.mean() > 3.1 * gain.std(ddof=1) / math.sqrt(games)
 
 
 def test_a_tree_is_its_text_in_any_writing():

@@ -194,11 +194,10 @@ def _show(folder: Path, card: dict[str, Any], *, as_json: bool, said: str) -> No
         emit({"folder": str(folder), **card})
         return
     click.echo(f"{card['name']} ({card['drive']}, {card['states']} states)")
-    for starts, data in card["measured"].items():
-        for line in describe(starts, data):
-            click.echo(line)
-    for line in describe("random actions", card["random_actions"]):
-        click.echo(line)
+    for who, key in (("", "measured"), ("random: ", "random_actions"), ("true state: ", "true_state_controller")):
+        for starts, data in card[key].items():
+            for line in describe(who + starts, data):
+                click.echo(line)
     click.echo(said)
 
 

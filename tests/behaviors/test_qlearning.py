@@ -14,7 +14,7 @@ from behaviors.recipe import LearningSettings, read_recipe
 from behaviors.scene import make_scene
 from behaviors.table import all_states, make_table, with_room
 from behaviors.task import COLLISION, GOING, SUCCESS
-from behaviors.trials import run_trials
+from behaviors.trials import LEARNED, run_trials
 from coevo.skill import load_skill
 
 # ------------------------------------------------------------------------------------------------------- lambda-returns
@@ -204,7 +204,7 @@ def played(task, rule, trials, *, sparse, epsilon=0.3, start=0.0):
         table = with_room(table, 17)
         outcome, steps, seeds = np.zeros(1, np.int64), np.zeros(1, np.int64), np.array([n], np.uint64)
         numbers = make_learner(settings)
-        assert run_trials(scene, numbers, True, False, n, trials, seeds, table, decisions, outcome, steps)
+        assert run_trials(scene, numbers, True, LEARNED, n, trials, seeds, table, decisions, outcome, steps)
         made = int(decisions.made[0])
         columns = (decisions.rows, decisions.actions, decisions.rewards, decisions.lengths)
         told = list(zip(*(column[:made].tolist() for column in columns), strict=True))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,7 +22,7 @@ from behaviors.recipe import (
 )
 from behaviors.task import start_trial, task_params
 from coevo.compiled import entry
-from coevo.config import check, to_toml
+from coevo.config import check, read_toml, to_toml
 from coevo.errors import InputError
 from coevo.skill import ObjectModel, Skill, make_bank
 from coevo.skill.estimate import make_memory
@@ -159,9 +158,9 @@ def test_every_younger_setting_is_in_the_digest():
     assert len(found | {recipe_digest(plain)}) == 7
 
 
-def test_the_literal_learner_of_the_manual_is_a_recipe():
-    text = (Path(__file__).parents[2] / "docs" / "learning.md").read_text(encoding="utf-8")
-    recipe = check(Recipe, tomllib.loads(text.partition("```toml\n")[2].partition("```")[0]), "the manual")
+def test_the_literal_learner_has_the_numbers_of_the_text():
+    path = Path(__file__).parents[2] / "runs" / "chapter3" / "literal-shoot.toml"
+    recipe = check(Recipe, read_toml(path), path.name)
     assert (recipe.learning.update, recipe.learning.gamma, recipe.learning.discount_per) == ("one-step", 0.9, "action")
     assert recipe.learning.epsilon_start == recipe.learning.epsilon_end
     assert [(model.cell, model.lost_states) for model in recipe.objects] == [(1.0, 1), (1.0, 1)]

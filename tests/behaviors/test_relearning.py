@@ -22,7 +22,7 @@ from behaviors.scene import make_scene
 from behaviors.steps import count_steps
 from behaviors.table import make_table
 from behaviors.task import COLLISION, SUCCESS
-from behaviors.trials import run_trials
+from behaviors.trials import LEARNED, run_trials
 from coevo.config import check, to_toml
 from coevo.errors import InputError
 from coevo.skill import load_skill
@@ -101,7 +101,7 @@ def test_where_all_is_an_area_the_skill_acts_and_nothing_is_learned(update):
         table = make_table(*shoot.values.shape)
         table.fixed[:] = True
         outcomes, steps = np.zeros(100, np.int64), np.zeros(100, np.int64)
-        given = make_scene(plain, shoot), make_learner(rule), is_learning, False, 0, 100, seeds, table
+        given = make_scene(plain, shoot), make_learner(rule), is_learning, LEARNED, 0, 100, seeds, table
         assert run_trials(*given, make_decisions(plain.time_limit_steps), outcomes, steps)
         assert not table.values.any()
         assert not table.visits.any()
@@ -115,7 +115,7 @@ def test_the_other_robot_matters_when_shooting_and_areas_keep_their_values(start
     mine = recipe(learning={"update": update})
     table, outcomes, steps = start.table(), np.zeros(150, np.int64), np.zeros(150, np.int64)
     seeds = np.array([game_seed(1, 1, n) for n in range(150)], np.uint64)
-    given = make_scene(mine, start.skill), make_learner(mine.learning), True, False, 0, 200, seeds, table
+    given = make_scene(mine, start.skill), make_learner(mine.learning), True, LEARNED, 0, 200, seeds, table
     assert run_trials(*given, make_decisions(mine.time_limit_steps), outcomes, steps)
     assert {SUCCESS, COLLISION} <= set(outcomes.tolist())
     assert np.array_equal(table.values[start.fixed], start.values[start.fixed])

@@ -97,7 +97,9 @@ class Schedule(_Settings, frozen=True, kw_only=True):
     fixed_epsilon: Share = 0.0  # random actions of a robot that does not learn; its policy is greedy besides
     goal_reward: float = 1.0  # [T]
     pass_reward: float = 1.0  # [T]
-    passes_rewarded: Literal["first", "each"] = "first"  # of a trial; each one makes robots that pass for ever
+    passes_rewarded: Literal["first", "each"] = (
+        "first"  # of a trial; with "each", a goal costs the passer its next passes
+    )
     collision_reward: float = -0.3  # [T]
     pass_window_s: NonNegative = 3.0  # [C] "in a short time"
     games: Annotated[int, Meta(ge=10, le=100_000)] = 500  # that measure both robots after the last period

@@ -14,6 +14,7 @@ from behaviors.agents import PERIODS
 from behaviors.chapter3 import main
 from behaviors.schedule import Schooling
 from behaviors.schedule_recipe import read_schedule
+from coevo.config import read_toml
 from coevo.errors import InputError
 from coevo.skill import load_skill
 
@@ -139,6 +140,10 @@ def test_a_wrong_setting_is_named_with_what_was_expected(change, parts):
         assert part in str(caught.value)
 
 
-@pytest.mark.parametrize("path", sorted(RECIPES.glob("*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [path for path in sorted(RECIPES.glob("*.toml")) if "task" not in read_toml(path)],
+    ids=lambda path: path.stem,
+)
 def test_each_recipe_can_be_read_and_is_named_as_its_file(path):
     assert read_schedule(path).name == path.stem

@@ -70,9 +70,15 @@ class FieldSettings(_Settings, frozen=True, kw_only=True):
     wall_friction: NonNegative = 0.5  # [C]
 
     def __post_init__(self) -> None:
-        if self.goal_width_m > self.width_m - 2.0 * self.corner_panel_m:
+        # Behind the goal line the round end of a corner panel reaches a little farther than its face.
+        beside = self.corner_panel_m
+        if self.corner_panels:
+            beside += (1.0 - math.sqrt(0.5)) * 0.5 * self.wall_thickness_m
+        most = self.width_m - 2.0 * beside
+        if self.goal_width_m > most:
             raise ValueError(
-                f"goal_width_m must leave room for walls in width_m {self.width_m}, got {self.goal_width_m}"
+                f"goal_width_m must be at most {most:g}, so that walls and corner panels fit beside it into width_m"
+                f" {self.width_m:g}, got {self.goal_width_m:g}"
             )
 
 

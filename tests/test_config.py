@@ -146,7 +146,7 @@ def test_presets_have_the_players_of_section_6_4(preset, players, recipe):
             "players.2.start.y_m must lie within [0.2, 4.375] on this field, got [4, 4.5]",
             id="robot in the wall",
         ),
-        pytest.param("world.field.goal_width_m=4.5", "goal_width_m must leave room for walls in width_m", id="goal"),
+        pytest.param("world.field.goal_width_m=4.5", "goal_width_m must be at most 4.11642, so that walls", id="goal"),
     ],
 )
 def test_a_wrong_setting_is_named_with_what_was_expected_and_what_came(assignment, message, recipe):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import re
 import sys
 import threading
 from collections.abc import Callable
@@ -30,6 +31,8 @@ __all__ = ["borrowed", "cache_folder", "entry", "helper", "inlined", "is_compile
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _PACKAGES = Path(__file__).resolve().parents[1]
+_DECORATED = re.compile(rb"^from coevo\.compiled import .*\b(entry|helper|inlined)\b", re.MULTILINE)
+_TAKEN_FROM = re.compile(rb"^from behaviors\.(\w+) import", re.MULTILINE)
 _LIBRARIES = ("numba", "llvmlite", "numpy", "pymunk")
 _entries: list[Any] = []
 _decorating = threading.Lock()
@@ -40,8 +43,20 @@ def _kernel_sources() -> list[Path]:
     folders = [_PACKAGES / "coevo" / part for part in ("soccer", "skill", "tree")]
     singles = [_PACKAGES / "coevo" / "game.py", _PACKAGES / "coevo" / "compiled.py"]
     found = [path for folder in folders for path in folder.glob("*.py")]
-    found += [path for path in (_PACKAGES / "behaviors").glob("*.py") if b"coevo.compiled" in path.read_bytes()]
-    return sorted(path for path in [*found, *singles] if path.exists())
+    return sorted(path for path in [*found, *singles, *_learning_sources()] if path.exists())
+
+
+def _learning_sources() -> set[Path]:
+    """The modules of behaviors that hold compiled code, and those that they take names from."""
+    texts = {path: path.read_bytes() for path in (_PACKAGES / "behaviors").glob("*.py")}
+    waiting = [path for path, text in texts.items() if _DECORATED.search(text)]
+    found: set[Path] = set()
+    while waiting:
+        path = waiting.pop()
+        if path in texts and path not in found:
+            found.add(path)
+            waiting += [path.with_name(f"{name.decode()}.py") for name in _TAKEN_FROM.findall(texts[path])]
+    return found
 
 
 @cache

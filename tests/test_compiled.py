@@ -99,7 +99,15 @@ def test_new_and_removed_kernels_change_the_folder(sources):
     assert folder_now() == before
 
 
-@pytest.mark.parametrize("other", ["coevo/cli/__init__.py", "coevo/run.py", "behaviors/recipe.py"])
+def test_what_compiled_learning_takes_its_names_from_is_in_the_digest(sources):
+    before = folder_now()
+    append(sources / "behaviors" / "pair_data.py")  # compiles nothing itself, but its numbers are compiled into pair.py
+    assert folder_now() != before
+
+
+@pytest.mark.parametrize(
+    "other", ["coevo/cli/__init__.py", "coevo/run.py", "behaviors/chapter3.py", "behaviors/cards.py"]
+)
 def test_an_edit_of_what_is_not_compiled_keeps_the_folder(sources, other):
     before = folder_now()
     append(sources / other)

@@ -12,14 +12,17 @@ from numpy.typing import NDArray
 __all__ = ["Line", "line_chart"]
 
 _COLOURS = ("#1d4ed8", "#c2410c", "#047857", "#7c3aed", "#be185d", "#525252")
-_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 760, 400, 64, 16, 40, 48
+_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 760, 400, 64, 36, 40, 48
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 _TICKS = 6
 
 
 @dataclass(frozen=True)
 class Line:
-    """A named line; x, y: (points,). low, high: (points,) bounds of a band around it, None for none."""
+    """A named line.
+
+    x, y: (points,), broken where y is not a number. low, high: (points,) bounds of a band around it, None for none.
+    """
 
     name: str
     x: NDArray[np.float64]
@@ -36,6 +39,13 @@ def _ticks(low: float, high: float) -> list[float]:
     return [float(tick) for tick in np.arange(np.ceil(low / step), np.floor(high / step + 1e-9) + 1) * step]
 
 
+def _pieces(y: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+    """Return where the numbers between those that are none stand."""
+    known = np.isfinite(y)
+    parts = np.split(np.arange(len(y)), np.flatnonzero(~known))
+    return [shown for shown in (part[known[part]] for part in parts) if len(shown)]
+
+
 def line_chart(
     lines: Sequence[Line], *, title: str, x_label: str, y_label: str, marks: Sequence[tuple[float, str]] = ()
 ) -> str:
@@ -46,7 +56,7 @@ def line_chart(
     xs = np.concatenate([line.x for line in lines])
     ys = np.concatenate([part for line in lines for part in (line.y, line.low, line.high) if part is not None])
     x_low, x_high = float(xs.min()), float(xs.max())
-    y_low, y_high = min(0.0, float(ys.min())), float(ys.max()) * 1.02
+    y_low, y_high = min(0.0, float(np.nanmin(ys))), float(np.nanmax(ys)) * 1.02
     x_high = x_high if x_high > x_low else x_low + 1.0
     y_high = y_high if y_high > y_low else y_low + 1.0
 
@@ -85,7 +95,10 @@ def line_chart(
         if line.low is not None and line.high is not None:
             around = f"{points(line.x, line.high)} {points(line.x[::-1], line.low[::-1])}"
             parts.append(f'<polygon points="{around}" fill="{colour}" opacity="0.15"/>')
-        parts.append(f'<polyline points="{points(line.x, line.y)}" fill="none" stroke="{colour}" stroke-width="1.6"/>')
-        parts.append(f'<rect x="{_WIDTH - 170}" y="{_TOP + 16 * k:.0f}" width="14" height="4" fill="{colour}"/>')
-        parts.append(text(_WIDTH - 150, _TOP + 16 * k + 7, line.name, "start"))
+        for piece in _pieces(line.y):
+            drawn = points(line.x[piece], line.y[piece])
+            parts.append(f'<polyline points="{drawn}" fill="none" stroke="{colour}" stroke-width="1.6"/>')
+        down = _TOP + 12 + 16 * k
+        parts.append(f'<rect x="{_WIDTH - 170}" y="{down}" width="14" height="4" fill="{colour}"/>')
+        parts.append(text(_WIDTH - 150, down + 7, line.name, "start"))
     return "\n".join([*parts, "</svg>", ""])

@@ -210,7 +210,8 @@ def _trace(method: Method, robot: str) -> list[Line]:
         mine = [row for row in rows if row["object"] == kind and row["where"] == where]
         if mine:
             steps, errors = (np.array([float(row[key]) for row in mine]) for key in ("step", "error_px"))
-            lines.append(Line(kind, steps / 30.0, errors))
+            unseen = np.flatnonzero(np.diff(steps) > 1.0) + 1
+            lines.append(Line(kind, np.insert(steps, unseen, steps[unseen]) / 30.0, np.insert(errors, unseen, np.nan)))
     return lines
 
 

@@ -96,3 +96,12 @@ def test_a_chart_puts_points_where_their_values_are():
     assert points[1, 0] == pytest.approx(0.5 * (points[0, 0] + points[2, 0]), abs=0.1)
     assert points[2, 1] == pytest.approx(0.5 * (points[0, 1] + points[1, 1]), abs=0.1)
     assert points[1, 1] < points[0, 1]  # y points down in SVG
+
+
+def test_a_line_is_broken_where_there_is_no_number():
+    y = np.array([1.0, 2.0, np.nan, 4.0, np.nan, np.nan, 3.0, 1.0])
+    drawing = line_chart([Line("ball", np.arange(8.0), y)], title="", x_label="", y_label="")
+    picture = ET.fromstring(drawing)  # noqa: S314 - our own
+    drawn = [part.get("points", "").split() for part in picture.iter("{http://www.w3.org/2000/svg}polyline")]
+    assert [len(points) for points in drawn] == [2, 1, 2]
+    assert not any("nan" in point for points in drawn for point in points)

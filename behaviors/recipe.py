@@ -213,7 +213,13 @@ def read_recipe(source: str) -> Recipe:
         InputError: there is no such recipe, or it is wrong.
     """
     if source.endswith(".toml"):
-        return check(Recipe, read_toml(Path(source)), source)
+        data = read_toml(Path(source))
+        if "passer" in data:
+            raise InputError(
+                f"{source} is a schedule of two robots, not the recipe of a skill;"
+                f" run it with 'python -m behaviors.chapter3 {source}'"
+            )
+        return check(Recipe, data, source)
     names = installed_recipes()
     if source not in names:
         raise InputError(

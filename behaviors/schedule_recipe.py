@@ -20,6 +20,7 @@ from coevo.config import (
     override,
     read_toml,
 )
+from coevo.errors import InputError
 
 __all__ = ["LearnerSettings", "Schedule", "StoreSettings", "TransferSettings", "read_schedule", "transfer_world"]
 
@@ -135,7 +136,12 @@ def read_schedule(path: Path, changes: Sequence[str] = ()) -> Schedule:
     Raises:
         InputError: it cannot be read, or is wrong.
     """
-    return check(Schedule, override(read_toml(path), changes), str(path))
+    data = read_toml(path)
+    if "task" in data:
+        raise InputError(
+            f"{path} is the recipe of a skill, not a schedule of two robots; learn it with 'coevo learn {path}'"
+        )
+    return check(Schedule, override(data, changes), str(path))
 
 
 def transfer_world(schedule: Schedule) -> WorldSettings:

@@ -20,6 +20,7 @@ from behaviors.recipe import (
     read_recipe,
     recipe_digest,
 )
+from behaviors.schedule_recipe import read_schedule
 from behaviors.task import start_trial, task_params
 from coevo.compiled import entry
 from coevo.config import check, read_toml, to_toml
@@ -176,6 +177,14 @@ def test_the_recipes_of_the_four_skills_are_installed():
     for name in TASKS:
         recipe = read_recipe(name)
         assert recipe.name == recipe.task == name
+
+
+def test_a_schedule_is_no_recipe_of_a_skill_nor_the_other_way_round():
+    folder = Path(__file__).parents[2] / "runs" / "chapter3"
+    with pytest.raises(InputError, match=r"schedule\.toml is a schedule .*python -m behaviors\.chapter3"):
+        read_recipe(str(folder / "schedule.toml"))
+    with pytest.raises(InputError, match=r"literal-shoot\.toml is the recipe of a skill.*coevo learn"):
+        read_schedule(folder / "literal-shoot.toml")
 
 
 def test_an_unknown_name_is_answered_with_the_nearest_and_all():

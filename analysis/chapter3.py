@@ -87,9 +87,10 @@ def read_methods(folder: Path) -> list[Method]:
     return methods
 
 
-def _interval(values: Sequence[float], digits: int = 3) -> str:
+def _interval(values: Sequence[float], *, most: float = np.inf) -> str:
+    """Return the mean over sets with its interval, cut at 0 and at the most that it can be."""
     mean, low, high = mean_interval(values)
-    return f"{mean:.{digits}f}" + (f" [{low:.{digits}f}, {high:.{digits}f}]" if len(values) > 1 else "")
+    return f"{mean:.3f}" + (f" [{max(0.0, low):.3f}, {min(most, high):.3f}]" if len(values) > 1 else "")
 
 
 def _successes(trials: NDArray[np.int64]) -> dict[str, NDArray[np.bool_]]:
@@ -132,7 +133,7 @@ def other_world(methods: Sequence[Method]) -> Report:
             of_period = [t[p == period] for p, t in zip(method.periods, method.trials, strict=True)]
             if len(of_period[0]):
                 shares = [{key: float(v.mean()) for key, v in _successes(t).items()} for t in of_period]
-                found = [_interval([one[key] for one in shares]) for key in _KEYS]
+                found = [_interval([one[key] for one in shares], most=1.0) for key in _KEYS]
                 rows.append([method.name, period, f"{len(of_period[0])}", *found])
     real = [["dissertation", p, "", *(told[key] for key in _KEYS)] for p, told in _REAL.items()]
     return {"table-3-3": (["method", "period", "trials a set", *_KEYS], rows + real)}
@@ -159,7 +160,7 @@ def prediction(methods: Sequence[Method]) -> Report:
 def afterwards(methods: Sequence[Method]) -> Report:
     """Return what both robots do greedily after the last period in simulation."""
     rows = [
-        [m.name, str(len(m.summaries)), *(_interval([s["after"][key] for s in m.summaries]) for key in _KEYS)]
+        [m.name, str(len(m.summaries)), *(_interval([s["after"][key] for s in m.summaries], most=1.0) for key in _KEYS)]
         for m in methods
     ]
     return {"afterwards": (["method", "sets", *_KEYS], rows)}

@@ -58,8 +58,12 @@ def test_tables_hold_means_and_student_s_intervals_over_sets(folder):
     assert result.exit_code == 0, result.output
     row = rows(folder / "report" / "table-3-3.csv")[0]
     low, high = stats.t.interval(0.95, len(PASSING) - 1, np.mean(PASSING), stats.sem(PASSING))
-    assert row["passing"] == f"{np.mean(PASSING):.3f} [{low:.3f}, {high:.3f}]"
+    assert low < 0.0 < 1.0 < high  # which no share can be
+    assert row["passing"] == f"{np.mean(PASSING):.3f} [0.000, 1.000]"
     assert (row["method"], row["period"], row["trials a set"]) == ("schedule", "E", "10")
+    error = rows(folder / "report" / "figure-3-8.csv")[0]
+    low, high = stats.t.interval(0.95, 2, 2.0, stats.sem([1.0, 2.0, 3.0]))
+    assert error["error of y [px]"] == f"2.000 [{max(0.0, low):.3f}, {high:.3f}]"
     order = rows(folder / "report" / "table-3-2.csv")[0]
     assert (order["order"], order["chosen order"], order["kept"]) == ("3", "5", "0 of 3")
     assert "57/100" in result.output

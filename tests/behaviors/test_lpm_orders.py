@@ -1,0 +1,143 @@
+"""Orders and history lengths of local prediction models, against systems whose order and best prediction are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from behaviors.lpm import MAX_HISTORY_LENGTH, identify
+
+Array = NDArray[np.float64]
+Segment = tuple[Array, Array]
+
+STATES, INPUTS, OUTPUTS = 4, 2, 3  # of random systems
+MODES = ["keep", "project"]
+
+
+def rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+# --------------------------------------------------------------------------------------------- true systems
+
+
+@pytest.mark.parametrize("kind", ["white", "held", "policy"])
+def test_projecting_finds_the_true_order(random_systems, kind: str) -> None:
+    rng = np.random.default_rng(1000)
+    recorded = random_systems(rng, 60).simulate(rng, 5000, kind)
+    orders = [
+        identify([segment], history_length=4, future_inputs="project").order for segment in zip(*recorded, strict=True)
+    ]
+    assert np.mean(np.array(orders) == STATES) >= 0.95
+
+
+def test_keeping_held_inputs_spends_states_on_them(random_systems) -> None:
+    rng = np.random.default_rng(1001)
+    recorded = random_systems(rng, 15).simulate(rng, 5000, "held")
+    orders = [identify([segment], history_length=4).order for segment in zip(*recorded, strict=True)]
+    assert np.median(orders) > STATES
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """Recorded systems with the error of the best predictor of each on the test data, steps 50 and later."""
+
+    train: list[Segment]
+    test: list[Segment]
+    kalman_error: list[float]
+
+
+@pytest.fixture(scope="module")
+def benchmark_systems(random_systems) -> Benchmark:
+    rng = np.random.default_rng(2000)
+    systems = random_systems(rng, 12)
+    train, test = (systems.simulate(rng, 5000, "white") for _ in range(2))
+    error = (systems.kalman_predictions(*test) - test[1])[:, 50:]
+    return Benchmark(
+        train=list(zip(*train, strict=True)),
+        test=list(zip(*test, strict=True)),
+        kalman_error=[rms(of_one) for of_one in error],
+    )
+
+
+def regression_error(train: Segment, test: Segment, size: int) -> float:
+    """Error of y_t regressed on l steps of history and u_t directly, without a state in between."""
+    (old, old_y), (new, new_y) = (
+        (
+            np.column_stack([*(np.hstack(data)[size - k : -k] for k in range(1, size + 1)), data[0][size:]]),
+            data[1],
+        )
+        for data in (train, test)
+    )
+    coefficients = np.linalg.lstsq(old, old_y[size:], rcond=None)[0]
+    return rms((new @ coefficients - new_y[size:])[50 - size :])
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("size", [3, 4, 5])
+def test_prediction_is_nearly_that_of_the_kalman_filter(mode: str, size: int, benchmark_systems: Benchmark) -> None:
+    to_kalman, to_regression = [], []
+    for train, test, kalman_error in zip(*vars(benchmark_systems).values(), strict=True):
+        model = identify([train], history_length=size, future_inputs=mode)
+        error = rms((model.predict(*test) - test[1])[50:])
+        to_kalman.append(error / kalman_error)
+        to_regression.append(error / regression_error(train, test, size))
+    assert np.median(to_kalman) < 1.10
+    assert min(to_kalman) > 0.99
+    assert max(to_regression) < 1.03
+
+
+# ----------------------------------------------------------------------------------------- history length
+
+
+def autoregressive(lags: int, steps: int = 4000) -> list[Segment]:
+    """y_t = 0.2 u_t + sum of 0.9 / lags y_{t-k} + noise: each lag up to `lags` matters by itself."""
+    rng = np.random.default_rng(13)
+    u, y = rng.normal(size=(steps, 1)), np.zeros((steps, 1))
+    for t in range(steps):
+        y[t] = 0.2 * u[t] + 0.1 * rng.normal() + (0.9 / max(lags, 1)) * y[max(t - lags, 0) : t].sum()
+    return [(u, y)]
+
+
+def test_history_is_lengthened_while_it_pays() -> None:
+    assert identify(autoregressive(0)).history_length == 1
+    assert identify(autoregressive(2)).history_length == 2
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_history_stops_where_the_norm_of_r_gains_less_than_5_percent(record, mode: str) -> None:
+    segments = record(14, [3000])
+    deviation = segments[0][1].std(axis=0)
+    models = [identify(segments, history_length=size, future_inputs=mode) for size in range(1, 8)]
+    norms = [np.linalg.norm(model.residual_covariance / np.outer(deviation, deviation), 2) for model in models]
+    gains = 1.0 - np.array(norms[1:]) / np.array(norms[:-1])
+    expected = int(np.argmax(gains < 0.05)) + 1
+    assert identify(segments, future_inputs=mode).history_length == expected
+    assert expected > 1
+
+
+def test_threshold_ends_the_lengthening(record) -> None:
+    segments = record(14, [3000])
+    free = identify(segments)
+    assert free.history_length > 1
+    assert identify(segments, threshold=float(OUTPUTS)).history_length == 1  # the norm is at most the trace
+    assert identify(segments, threshold=1e-9).history_length == free.history_length
+
+
+def test_few_data_keep_the_history_short(record) -> None:
+    (u, y), *_ = record(14, [3000])
+    assert identify([(u[:60], y[:60])]).history_length <= 3  # 5 windows a variable: 55 of 5 * 24 would be needed
+
+
+def test_history_starts_where_the_order_is_possible(record) -> None:
+    model = identify(record(15, [2000]), order=7)
+    assert model.order == 7
+    assert model.history_length >= 3
+
+
+def test_a_given_history_may_be_longer_than_those_tried(record) -> None:
+    model = identify(record(16, [1500]), history_length=MAX_HISTORY_LENGTH + 2)
+    assert model.memory_matrix.shape == (model.order, (MAX_HISTORY_LENGTH + 2) * (INPUTS + OUTPUTS))

@@ -1,4 +1,8 @@
-"""Which history length, and which order: what each of them achieves, and the rules of Uchibe 1999, 3.2.3."""
+"""Which history length, and which order: what each of them achieves, and the rules that choose.
+
+The history length by the norm of R, as in Uchibe 1999, 3.2.3, or by the AIC of a regression, as in Larimore 1990; the
+order by AIC.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,7 @@ from behaviors._cva import (
     Windows,
     canonical_variates,
     fit_orders,
+    lagged,
     stack_windows,
     window_count,
 )
@@ -21,7 +26,7 @@ from behaviors._cva import (
 if TYPE_CHECKING:
     from behaviors._segments import Signals
 
-__all__ = ["MAX_HISTORY_LENGTH", "Candidate", "choose_history_length", "fixed_history_length"]
+__all__ = ["MAX_HISTORY_LENGTH", "Analysis", "Candidate", "by_norm", "by_regression", "fixed"]
 
 Array = NDArray[np.float64]
 
@@ -32,13 +37,25 @@ _MINIMUM_GAIN = 0.05  # a longer history has to shrink the norm of R by this sha
 _WINDOWS_PER_VARIABLE = 5  # with fewer, a longer history shrinks R by over-fitting alone
 
 
+@dataclass(frozen=True)
+class Analysis:
+    """How a history length is analysed.
+
+    project: regress future actions out of past and future.
+    free: count in AIC the free parameters of the innovations form (Larimore 1990), not all entries (3.7).
+    """
+
+    project: bool
+    free: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """Canonical variates of one history length and what each order achieves, all of standardised signals.
 
     windows: mean-free; past_mean, action_mean and observation_mean are what was taken away.
     states: (windows, rank): x_t of the highest order, (A.9).
-    aic: (rank,): AIC(n) for n = 1 .. rank, of R in the units of the data, (3.6) with (3.7).
+    aic: (rank,): AIC(n) for n = 1 .. rank, of R in the units of the data, (3.6).
     norm: (rank,): spectral norm of R of standardised observations.
     """
 
@@ -63,32 +80,32 @@ class Candidate:
         return int(np.argmin(self.aic)) + 1
 
 
-def fixed_history_length(signals: Signals, length: int, order: int | None, *, project: bool) -> Candidate:
+def fixed(signals: Signals, how: Analysis, length: int, order: int | None) -> Candidate:
     """Analyse one history length.
 
     Raises:
         ValueError: for too few windows, nothing to predict, or an order that it does not allow.
     """
-    _require_windows(signals, length, project=project)
-    candidate = _analyse(signals, length, project=project)
+    _require_windows(signals, how, length)
+    candidate = _analyse(signals, how, length)
     if order is not None and order > candidate.rank:
         raise _order_too_large(order, candidate)
     return candidate
 
 
-def choose_history_length(signals: Signals, order: int | None, threshold: float | None, *, project: bool) -> Candidate:
+def by_norm(signals: Signals, how: Analysis, order: int | None, threshold: float | None) -> Candidate:
     """Lengthen the history while it pays (3.2.3), from the first length that allows the order.
 
     Raises:
         ValueError: for too few windows, nothing to predict, or an order that no length allows.
     """
-    _require_windows(signals, 1, project=project)
+    _require_windows(signals, how, 1)
     small_enough = max(threshold or 0.0, RELATIVE_CUTOFF)
     smallest_order = order or 1
     best: Candidate | None = None
     best_norm = np.inf
-    for length in range(1, _longest_history(signals, project=project) + 1):
-        candidate = _analyse(signals, length, project=project)
+    for length in range(1, _longest_history(signals, how) + 1):
+        candidate = _analyse(signals, how, length)
         if candidate.rank < smallest_order:
             continue
         norm = candidate.norm[(order or candidate.best_order) - 1]
@@ -102,7 +119,38 @@ def choose_history_length(signals: Signals, order: int | None, threshold: float 
     return best
 
 
-def _analyse(signals: Signals, history_length: int, *, project: bool) -> Candidate:
+def by_regression(signals: Signals, how: Analysis, order: int | None) -> Candidate:
+    """Take the history length of the best autoregressive model (Larimore 1990), or the next that allows the order.
+
+    Raises:
+        ValueError: for too few windows, nothing to predict, or an order that no length allows.
+    """
+    _require_windows(signals, how, 1)
+    longest = _longest_history(signals, how)
+    for length in range(_regression_length(signals, longest), longest + 1):
+        candidate = _analyse(signals, how, length)
+        if candidate.rank >= (order or 1):
+            return candidate
+    raise _order_too_large(order or 1, candidate)
+
+
+def _regression_length(signals: Signals, longest: int) -> int:
+    """Return the number of past steps, up to ``longest``, of the smallest AIC where y_t is regressed on them and u_t.
+
+    All lengths are compared on the same rows: those with ``longest`` steps before them.
+    """
+    usable = [segment for segment in signals.segments if len(segment[0]) > longest]
+    # [u_{t-1}, y_{t-1}, u_{t-2}, ...]: the first l steps are the first l (m + q) columns.
+    past = np.vstack([lagged(np.hstack(segment), longest)[:-1] for segment in usable])
+    actions, observations = (np.vstack([segment[k][longest:] for segment in usable]) for k in (0, 1))
+    past, actions, observations = (rows - rows.mean(axis=0) for rows in (past, actions, observations))
+    m, q = signals.inputs, signals.outputs
+    fit = fit_orders(past, actions, observations).log_determinant[m + q - 1 :: m + q]
+    steps = np.arange(1, longest + 1)
+    return int(np.argmin(len(past) * fit + 2.0 * q * (steps * (m + q) + m))) + 1
+
+
+def _analyse(signals: Signals, how: Analysis, history_length: int) -> Candidate:
     raw = stack_windows(signals.segments, history_length)
     past_mean = raw.past.mean(axis=0)
     action_mean, observation_mean = raw.actions.mean(axis=0), raw.observations.mean(axis=0)
@@ -114,7 +162,7 @@ def _analyse(signals: Signals, history_length: int, *, project: bool) -> Candida
         actions=raw.actions - action_mean,
         observations=raw.observations - observation_mean,
     )
-    variates = canonical_variates(windows.past, windows.future, windows.future_actions if project else None)
+    variates = canonical_variates(windows.past, windows.future, windows.future_actions if how.project else None)
     rank = len(variates.weights)
     if rank == 0:
         raise ValueError(
@@ -126,7 +174,7 @@ def _analyse(signals: Signals, history_length: int, *, project: bool) -> Candida
     fit = fit_orders(states, windows.actions, windows.observations)
     log_determinant = fit.log_determinant + 2.0 * np.log(signals.observation_scale).sum()
     n, m, q = np.arange(1, rank + 1), signals.inputs, signals.outputs
-    parameters = n * (n + m + q) + m * q  # (3.7)
+    parameters = n * (2 * q + m) + m * q + q * (q + 1) // 2 if how.free else n * (n + m + q) + m * q  # (3.7)
     return Candidate(
         history_length=history_length,
         windows=windows,
@@ -140,15 +188,15 @@ def _analyse(signals: Signals, history_length: int, *, project: bool) -> Candida
     )
 
 
-def _windows_and_variables(signals: Signals, history_length: int, *, project: bool) -> tuple[int, int]:
+def _windows_and_variables(signals: Signals, how: Analysis, history_length: int) -> tuple[int, int]:
     """Count windows, and the variables (past, future, projected actions) that are correlated in them."""
     windows = window_count([len(actions) for actions, _ in signals.segments], history_length)
-    return windows, history_length * ((2 if project else 1) * signals.inputs + 2 * signals.outputs)
+    return windows, history_length * ((2 if how.project else 1) * signals.inputs + 2 * signals.outputs)
 
 
-def _require_windows(signals: Signals, history_length: int, *, project: bool) -> None:
+def _require_windows(signals: Signals, how: Analysis, history_length: int) -> None:
     """Refuse as many variables as windows: their correlations would be 1 whatever the data."""
-    windows, variables = _windows_and_variables(signals, history_length, project=project)
+    windows, variables = _windows_and_variables(signals, how, history_length)
     if windows <= variables:
         raise ValueError(
             f"history_length {history_length} with m = {signals.inputs} and q = {signals.outputs} needs more "
@@ -157,10 +205,10 @@ def _require_windows(signals: Signals, history_length: int, *, project: bool) ->
         )
 
 
-def _longest_history(signals: Signals, *, project: bool) -> int:
+def _longest_history(signals: Signals, how: Analysis) -> int:
     longest = 1
     for length in range(2, MAX_HISTORY_LENGTH + 1):
-        windows, variables = _windows_and_variables(signals, length, project=project)
+        windows, variables = _windows_and_variables(signals, how, length)
         if windows < _WINDOWS_PER_VARIABLE * variables:
             break
         longest = length

@@ -27,9 +27,11 @@ from behaviors._cva import RELATIVE_CUTOFF, lagged, relative_conditioning
 from behaviors._segments import Signals, check_segment, check_segments
 from behaviors._selection import (
     MAX_HISTORY_LENGTH,
+    Analysis,
     Candidate,
-    choose_history_length,
-    fixed_history_length,
+    by_norm,
+    by_regression,
+    fixed,
 )
 
 if TYPE_CHECKING:
@@ -66,7 +68,7 @@ class LocalPredictionModel:
         C: (q, n), the same.
         D: (q, m), the same.
         residual_covariance: (q, q): R, covariance of the one-step error on the training windows, (3.5).
-        aic: (rank,): AIC(n) for n = 1 .. rank at this history length, (3.6) with (3.7).
+        aic: (rank,): AIC(n) for n = 1 .. rank at this history length, (3.6).
         action_mean: (m,): mean of u_t over the training windows.
         observation_mean: (q,): mean of y_t over the training windows.
     """
@@ -169,6 +171,8 @@ def identify(
     order: int | None = None,
     future_inputs: Literal["keep", "project"] = "keep",
     threshold: float | None = None,
+    history_rule: Literal["norm", "aic"] = "norm",
+    parameter_count: Literal["entries", "free"] = "entries",
 ) -> LocalPredictionModel:
     """Identify a local prediction model by canonical variate analysis (Uchibe 1999, 3.2 and appendix A).
 
@@ -188,18 +192,23 @@ def identify(
         segments: one pair (actions (T, m), observations (T, q)) for each stretch in which the object was seen
             without a break, ``actions[t]`` being the action that led to ``observations[t]``. No window
             crosses two segments; those with T < 2l hold none and are skipped.
-        history_length: l. None lengthens it from 1 until one step more would shrink the spectral norm of R
-            (of standardised observations, at the order chosen for that l) by less than 5 %, until that norm
-            is at most ``threshold``, or up to `MAX_HISTORY_LENGTH` or as long as there are 5 windows a
-            variable, (3.2.3).
-        order: n, at most min(l q, l (m + q), rank). None takes the minimum of AIC(n), (3.6) with (3.7).
+        history_length: l. None has it chosen by ``history_rule``, up to `MAX_HISTORY_LENGTH` or as long as
+            there are 5 windows a variable.
+        order: n, at most min(l q, l (m + q), rank). None takes the minimum of AIC(n), (3.6).
         future_inputs: "keep" correlates p_t with f_t as (A.8) is printed. Where actions are held or follow a
             policy, past actions predict future ones, and states are spent on that. "project" first regresses
             u_t .. u_{t+l-1} out of both (Van Overschee and De Moor 1996): the order is then that of the
             system itself.
         threshold: a norm of R that is small enough: the error variance of the least predictable direction,
             where every standardised observation has variance 1. Without effect where ``history_length`` is
-            given.
+            given, or the rule is "aic".
+        history_rule: "norm" lengthens the history from 1 until one step more would shrink the spectral norm of
+            R (of standardised observations, at the order chosen for that l) by less than 5 %, or until that
+            norm is at most ``threshold``, (3.2.3). Such a history is short, and may be too short for the order:
+            a state that only a longer one reveals is lost. "aic" takes as many steps as the regression of y_t
+            on them and u_t has where its AIC is smallest (Larimore 1990): for the order of the system itself.
+        parameter_count: of AIC. "entries" is lambda(n), (3.7), all entries of A to D. "free" is what is left when
+            no change of the state's axes counts, with the noise: 2nq + nm + mq + q(q + 1)/2 (Larimore 1990).
 
     Returns:
         The model of that history length and order.
@@ -216,16 +225,22 @@ def identify(
     length, wanted_order = _count("history_length", history_length), _count("order", order)
     if future_inputs not in {"keep", "project"}:
         raise ValueError(f"future_inputs must be 'keep' or 'project', not {future_inputs!r}")
+    if history_rule not in {"norm", "aic"}:
+        raise ValueError(f"history_rule must be 'norm' or 'aic', not {history_rule!r}")
+    if parameter_count not in {"entries", "free"}:
+        raise ValueError(f"parameter_count must be 'entries' or 'free', not {parameter_count!r}")
     if threshold is not None and not threshold > 0.0:
         raise ValueError(f"threshold must be a positive norm of the error covariance, such as 0.1, not {threshold!r}")
 
     signals = Signals.standardised(checked, shortest_history=length or 1)
-    project = future_inputs == "project"
-    if length is None:
-        candidate = choose_history_length(signals, wanted_order, threshold, project=project)
+    how = Analysis(project=future_inputs == "project", free=parameter_count == "free")
+    if length is not None:
+        candidate = fixed(signals, how, length, wanted_order)
+    elif history_rule == "aic":
+        candidate = by_regression(signals, how, wanted_order)
     else:
-        candidate = fixed_history_length(signals, length, wanted_order, project=project)
-    _warn_of_weak_excitation(candidate, signals.inputs, project=project)
+        candidate = by_norm(signals, how, wanted_order, threshold)
+    _warn_of_weak_excitation(candidate, signals.inputs, project=how.project)
     return _model(signals, candidate, wanted_order or candidate.best_order)
 
 

@@ -138,6 +138,8 @@ def _with(value: float) -> Segment:
         pytest.param([_segment(100), _with(np.inf)], {}, "segment 1 holds NaN or infinite", id="inf"),
         pytest.param([(_segment(100)[0], np.full((100, 3), 0.1))], {}, "all 3 observations are const", id="const"),
         pytest.param([_segment(100)], {"future_inputs": "drop"}, "'keep' or 'project', not 'drop'", id="mode"),
+        pytest.param([_segment(100)], {"history_rule": "bic"}, "'norm' or 'aic', not 'bic'", id="rule"),
+        pytest.param([_segment(100)], {"parameter_count": "all"}, "'entries' or 'free', not 'all'", id="count"),
         pytest.param([_segment(100)], {"history_length": 0}, "history_length must be at least 1", id="l-0"),
         pytest.param([_segment(100)], {"history_length": 1.5}, "whole number .* not 1.5", id="l-float"),
         pytest.param([_segment(100)], {"order": 0}, "order must be at least 1", id="n-0"),
@@ -170,6 +172,8 @@ def _with(value: float) -> Segment:
             id="order",
         ),
         pytest.param([_segment(60)], {"order": 20}, "order 20 is too large: .* allow at most", id="order-auto"),
+        pytest.param([_segment(60)], {"order": 20, "history_rule": "aic"}, "order 20 is too large", id="order-aic"),
+        pytest.param([_segment(9)], {"history_rule": "aic"}, "more than 8 windows", id="few-windows-aic"),
         pytest.param(
             [(_segment(100)[0], np.repeat(_segment(100)[1][:, :1], 3, axis=1))],
             {"history_length": 2, "order": 3},

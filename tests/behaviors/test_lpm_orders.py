@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import pytest
@@ -25,13 +25,28 @@ def rms(error: Array) -> float:
 
 
 @pytest.mark.parametrize("kind", ["white", "held", "policy"])
-def test_projecting_finds_the_true_order(random_systems, kind: str) -> None:
+@pytest.mark.parametrize("options", [{"history_length": 4}, {"history_rule": "aic"}], ids=["l-4", "l-aic"])
+def test_projecting_finds_the_true_order(random_systems, kind: str, options: dict[str, object]) -> None:
     rng = np.random.default_rng(1000)
     recorded = random_systems(rng, 60).simulate(rng, 5000, kind)
-    orders = [
-        identify([segment], history_length=4, future_inputs="project").order for segment in zip(*recorded, strict=True)
-    ]
+    orders = [identify([segment], future_inputs="project", **options).order for segment in zip(*recorded, strict=True)]
     assert np.mean(np.array(orders) == STATES) >= 0.95
+
+
+def test_an_order_that_is_missed_says_nothing_of_the_next_observation(random_systems) -> None:
+    rng = np.random.default_rng(1000)
+    systems = random_systems(rng, 60)
+    train, test = (systems.simulate(rng, 5000, "held") for _ in range(2))
+    kalman = systems.kalman_predictions(*test)
+    missed = 0
+    for i in range(60):
+        model = identify([(train[0][i], train[1][i])], future_inputs="project", history_rule="aic")
+        if model.order != STATES:
+            u, y = test[0][i], test[1][i]
+            missed += 1
+            assert model.order == STATES - 1
+            assert rms((model.predict(u, y) - y)[50:]) < 1.005 * rms((kalman[i] - y)[50:])
+    assert missed > 0
 
 
 def test_keeping_held_inputs_spends_states_on_them(random_systems) -> None:
@@ -90,6 +105,15 @@ def test_prediction_is_nearly_that_of_the_kalman_filter(mode: str, size: int, be
     assert max(to_regression) < 1.03
 
 
+def test_free_parameters_are_counted_without_the_choice_of_axes(record) -> None:
+    segments = record(32, [600], "held")
+    plain, free = (identify(segments, history_length=3, parameter_count=count) for count in ("entries", "free"))
+    n, m, q = np.arange(1, len(plain.aic) + 1), INPUTS, OUTPUTS
+    entries, innovations = n * (n + m + q) + m * q, 2 * n * q + n * m + m * q + q * (q + 1) / 2
+    np.testing.assert_allclose(free.aic - plain.aic, 2 * (innovations - entries), atol=1e-8)
+    assert free.order == np.argmin(free.aic) + 1
+
+
 # ----------------------------------------------------------------------------------------- history length
 
 
@@ -125,6 +149,40 @@ def test_threshold_ends_the_lengthening(record) -> None:
     assert free.history_length > 1
     assert identify(segments, threshold=float(OUTPUTS)).history_length == 1  # the norm is at most the trace
     assert identify(segments, threshold=1e-9).history_length == free.history_length
+
+
+def test_rule_aic_takes_the_length_that_is_true() -> None:
+    for lags in (1, 2, 5):
+        assert identify(autoregressive(lags), history_rule="aic").history_length == lags
+
+
+@pytest.mark.parametrize("kind", ["white", "held"])
+def test_rule_aic_takes_the_best_regression_on_common_rows(record, kind: str) -> None:
+    segments = record(30, [700, 12, 5, 11, 400], kind)
+    rows = [(u, y, t) for u, y in segments for t in range(MAX_HISTORY_LENGTH, len(u))]
+    targets = np.array([y[t] for _, y, t in rows])
+    aic = []
+    for size in range(1, MAX_HISTORY_LENGTH + 1):
+        past = [np.concatenate([[1.0], u[t], u[t - size : t].ravel(), y[t - size : t].ravel()]) for u, y, t in rows]
+        error = targets - np.array(past) @ np.linalg.lstsq(np.array(past), targets, rcond=None)[0]
+        slopes = OUTPUTS * (size * (INPUTS + OUTPUTS) + INPUTS)
+        aic.append(len(rows) * np.linalg.slogdet(error.T @ error / len(rows))[1] + 2 * slopes)
+    expected = int(np.argmin(aic)) + 1
+    assert expected > 1
+    assert identify(segments, history_rule="aic").history_length == expected
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_rule_aic_lengthens_the_history_to_where_the_order_is_possible(mode: str) -> None:
+    model = identify(autoregressive(2), history_rule="aic", order=6, future_inputs=mode)
+    assert (model.history_length, model.order) == (6, 6)
+
+
+def test_rule_is_without_effect_where_the_length_is_given(record) -> None:
+    segments = record(31, [600])
+    plain, other = (identify(segments, history_length=3, history_rule=rule) for rule in ("norm", "aic"))
+    for field in fields(plain):
+        np.testing.assert_array_equal(getattr(plain, field.name), getattr(other, field.name))
 
 
 def test_few_data_keep_the_history_short(record) -> None:

@@ -23,7 +23,7 @@ from coevo.skill.model import INPUTS, OBJECT_KINDS
 from coevo.soccer.camera import BALL, FEATURES, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 from coevo.soccer.rng import game_seed
 
-__all__ = ["Stretch", "align", "experience", "in_view", "make_model", "make_models", "window_count"]
+__all__ = ["Stretch", "align", "enough", "experience", "in_view", "make_model", "make_models", "window_count"]
 
 Array = NDArray[np.float64]
 Stretch = tuple[Array, Array]
@@ -52,7 +52,7 @@ def window_count(stretches: Sequence[Stretch]) -> int:
     return sum(len(actions) for actions, _ in stretches)
 
 
-def _enough(stretches: Sequence[Stretch], windows: int) -> list[Stretch]:
+def enough(stretches: Sequence[Stretch], windows: int) -> list[Stretch]:
     """Return the first stretches that together have ``windows`` steps, or all."""
     before = np.cumsum([0, *(len(actions) for actions, _ in stretches)])
     return [stretch for stretch, _ in takewhile(lambda pair: pair[1] < windows, zip(stretches, before, strict=False))]
@@ -69,7 +69,7 @@ def make_model(
         experience: how many steps, and how future inputs are treated.
         image_width: [px].
     """
-    used = _enough(stretches, experience.windows)
+    used = enough(stretches, experience.windows)
     if settings.estimator == "raw":
         seen = [observations for _, observations in used]
         order, cell, lost = settings.order, settings.cell, settings.lost_states

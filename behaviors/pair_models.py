@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -19,7 +20,15 @@ from coevo.skill import ObjectModel
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 
-__all__ = ["error_trace", "exchange", "prediction_errors", "renew_models", "stored_stretches", "stored_windows"]
+__all__ = [
+    "error_trace",
+    "exchange",
+    "prediction_errors",
+    "renew_models",
+    "residuals",
+    "stored_stretches",
+    "stored_windows",
+]
 
 _OBJECTS = {"ball": BALL, "own_goal": OWN_GOAL, "opponent_goal": OPPONENT_GOAL, "mate": ROBOTS, "robot": ROBOTS}
 _CENTRE_Y = 1  # the feature whose prediction Fig. 3.8 shows
@@ -123,7 +132,7 @@ def _description(
     return told
 
 
-def _residuals(model: LocalPredictionModel, stretches: list[Stretch]) -> Array:
+def residuals(model: LocalPredictionModel, stretches: Sequence[Stretch]) -> Array:
     """Return (windows, 2): one-step errors of the centre's y, and that y, of all rows that can be predicted."""
     parts = [np.empty((0, 2))]
     for actions, seen in stretches:
@@ -141,7 +150,7 @@ def prediction_errors(agent: Agent, where: str) -> list[dict[str, Any]]:
     told = []
     models = [("used", agent.predictors), ("chosen", agent.chosen)]
     for orders, kind, model in [(orders, *item) for orders, known in models for item in known.items()]:
-        found = _residuals(model, stored_stretches(agent.store, kind))
+        found = residuals(model, stored_stretches(agent.store, kind))
         if len(found) > 1:
             rms, spread = float(np.sqrt((found[:, 0] ** 2).mean())), float(found[:, 1].std())
             row = {"where": where, "robot": agent.name, "object": kind, "orders": orders, "windows": len(found)}
@@ -157,7 +166,7 @@ def exchange(agents: tuple[Agent, Agent], where: str) -> list[dict[str, Any]]:
             if kind not in other.predictors:
                 continue
             stretches = stored_stretches(agent.store, kind)
-            mine, theirs = (_residuals(model, stretches)[:, 0] for model in (own, other.predictors[kind]))
+            mine, theirs = (residuals(model, stretches)[:, 0] for model in (own, other.predictors[kind]))
             if len(mine) and len(theirs) and mine.any():
                 ratio = float(np.sqrt((theirs**2).mean() / (mine**2).mean()))
                 told.append({"where": where, "robot": agent.name, "object": kind, "error_ratio": ratio})

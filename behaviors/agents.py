@@ -20,7 +20,7 @@ from coevo.skill import ObjectModel, Skill
 from coevo.skill.model import MOST_STATES
 from coevo.soccer.drive import action_set
 
-__all__ = ["NAMES", "PERIODS", "Agent", "Duty", "Outcomes", "Period", "joined", "new_agents"]
+__all__ = ["NAMES", "PERIODS", "Agent", "Duty", "Outcomes", "Period", "joined", "new_agents", "no_outcomes"]
 
 NAMES = ("passer", "shooter")
 
@@ -95,13 +95,13 @@ class Agent:
         return Skill(self.name, drive.drive, models, values, action.min_steps, action.max_steps)
 
 
-@dataclass(frozen=True)
-class Outcomes:
+class Outcomes(NamedTuple):
     """How trials went: (trials,) int64 each; see ``run_pair``."""
 
     ends: NDArray[np.int64]
     passes: NDArray[np.int64]
     steps: NDArray[np.int64]
+    nearer: NDArray[np.int64]
 
     def rates(self) -> dict[str, float]:
         """Return the shares of trials with a pass, the shooter's goal and a collision, and the mean length."""
@@ -111,6 +111,15 @@ class Outcomes:
             "collisions": float((self.ends == COLLISION).mean()),
             "steps": float(self.steps.mean()),
         }
+
+    def where_nearer(self, robot: int) -> Outcomes:
+        """Return the trials in which a robot started nearer to the ball than the other."""
+        return Outcomes(*(column[self.nearer == robot] for column in self))
+
+
+def no_outcomes(trials: int) -> Outcomes:
+    """Return room for so many outcomes."""
+    return Outcomes(*(np.zeros(trials, np.int64) for _ in Outcomes._fields))
 
 
 def new_agents(schedule: Schedule) -> tuple[Agent, Agent]:
@@ -124,4 +133,4 @@ def new_agents(schedule: Schedule) -> tuple[Agent, Agent]:
 
 def joined(found: Sequence[Outcomes]) -> Outcomes:
     """Return the outcomes of trials one after the other."""
-    return Outcomes(*(np.concatenate([getattr(one, name) for one in found]) for name in ("ends", "passes", "steps")))
+    return Outcomes(*(np.concatenate(columns) for columns in zip(*found, strict=True)))

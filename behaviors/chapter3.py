@@ -22,9 +22,8 @@ from typing import Any
 
 import click
 import msgspec
-import numpy as np
 
-from behaviors.agents import PERIODS, Outcomes
+from behaviors.agents import NAMES, PERIODS, Outcomes, joined
 from behaviors.pair import run_pair
 from behaviors.pair_models import error_trace, exchange, prediction_errors
 from behaviors.schedule import Report, Schooling
@@ -73,7 +72,7 @@ def run_set(schedule: Schedule, number: int, report: Report | None = None) -> Fi
         "seed": str(seed),  # JSON has no integers of 64 bits
         "states": {agent.name: len(skills[agent.name].values) for agent in agents},
         "gathered_trials": here.gathered,
-        "after": {"games": schedule.games, **after.rates()},
+        "after": _measured(after),
         "periods": {name: {"trials": len(found.ends), **found.rates()} for name, found in trials.items()},
         "models": models,
         "prediction_errors": errors,
@@ -86,6 +85,13 @@ def run_set(schedule: Schedule, number: int, report: Report | None = None) -> Fi
     return files
 
 
+def _measured(found: Outcomes) -> dict[str, Any]:
+    """Return the rates of trials: of all, and of those in which one or the other robot started nearer to the ball."""
+    parts = {name: found.where_nearer(robot) for robot, name in enumerate(NAMES)}
+    nearer = {name: {"games": len(part.ends), **part.rates()} for name, part in parts.items() if len(part.ends)}
+    return {"games": len(found.ends), **found.rates(), "nearer": nearer}
+
+
 def _csv(rows: Sequence[dict[str, Any]]) -> bytes:
     text = io.StringIO()
     if rows:
@@ -96,10 +102,9 @@ def _csv(rows: Sequence[dict[str, Any]]) -> bytes:
 
 
 def _trials(found: dict[str, Outcomes]) -> bytes:
-    names = np.concatenate([np.full(len(one.ends), name) for name, one in found.items()])
-    columns = [np.concatenate([getattr(one, key) for one in found.values()]) for key in ("ends", "passes", "steps")]
-    rows = zip(names.tolist(), *(column.tolist() for column in columns), strict=True)
-    return _csv([{"period": p, "end": e, "passes": n, "steps": s} for p, e, n, s in rows])
+    periods = [name for name, one in found.items() for _ in one.ends]
+    rows = zip(periods, *(column.tolist() for column in joined(list(found.values()))), strict=True)
+    return _csv([{"period": p, "end": e, "passes": n, "steps": s, "nearer": NAMES[r]} for p, e, n, s, r in rows])
 
 
 def _write(folder: Path, files: Files) -> None:

@@ -168,16 +168,22 @@ def _states(model: ObjectModel, actions: Array, observations: Array, longest: in
 
 
 def align(model: ObjectModel, like: ObjectModel, stretches: Sequence[Stretch]) -> ObjectModel:
-    """Return the model with its state turned to agree best with that of another, of the same order.
+    """Return the model with its state mapped linearly to agree best with that of another.
 
-    The rotation is that of the orthogonal Procrustes problem (Schönemann 1966); covariances stay as they are.
+    The cells of (3.9) then mean what they meant for the other, and the values of its table still hold. Turning the axes
+    is not enough: states have unit variance in the experience that their model was made from, and experience of a
+    policy is spread otherwise than that of random actions.
 
     Args:
         model, like: of the same object.
-        stretches: where their states are compared.
+        stretches: where their states are compared, by least squares.
     """
     longest = max(model.history_length, like.history_length)
     long_enough = [(u, y) for u, y in stretches if len(u) >= longest]
     mine, theirs = (np.vstack([_states(m, u, y, longest) for u, y in long_enough]) for m in (model, like))
-    left, _, right = np.linalg.svd(theirs.T @ mine)
-    return dataclasses.replace(model, memory_matrix=left @ right @ model.memory_matrix)
+    centre, centre_like = mine.mean(axis=0), theirs.mean(axis=0)
+    mapping = np.linalg.lstsq(mine - centre, theirs - centre_like, rcond=None)[0].T
+    memory_matrix = mapping @ model.memory_matrix
+    # mapping (M (p - mean) - centre) + centre_like, written as one matrix and one mean
+    mean = model.past_mean - np.linalg.pinv(memory_matrix) @ (centre_like - mapping @ centre)
+    return dataclasses.replace(model, memory_matrix=memory_matrix, past_mean=mean)

@@ -32,7 +32,9 @@ _TRIES = 100_000
 
 
 @helper
-def _start(pair: Pair, ease_passer: float, ease_shooter: float, in_view: bool, rng: NDArray[np.uint64]) -> bool:
+def _start(
+    pair: Pair, ease_passer: float, ease_shooter: float, in_view: bool, passer_nearer: bool, rng: NDArray[np.uint64]
+) -> bool:
     """Draw the start of a trial; False if none was found.
 
     Ease brings a robot near the ball, and the ball near where that robot should bring it.
@@ -47,8 +49,11 @@ def _start(pair: Pair, ease_passer: float, ease_shooter: float, in_view: bool, r
         apart_0, apart_1 = math.hypot(state[0, 0] - x, state[0, 1] - y), math.hypot(state[1, 0] - x, state[1, 1] - y)
         if apart_0 > to_ball_0 or apart_1 > to_mate or apart_1 > to_ball_1:
             continue
+        if passer_nearer and apart_0 >= apart_1:
+            continue
         if math.hypot(physics.length - x, 0.5 * physics.width - y) > to_goal:
             continue
+        pair.stage.nearer[0] = PASSER if apart_0 < apart_1 else SHOOTER
         if not in_view:
             return True
         look(pair.camera, state, SHOOTER, 0, pair.retina, memory.features[SHOOTER], memory.areas[SHOOTER])
@@ -88,7 +93,9 @@ def begin_trial(pair: Pair, progress: float, rng: NDArray[np.uint64]) -> bool:
             ease_passer = 0.0
         else:
             ease_shooter = 0.0
-    if not _start(pair, ease_passer, ease_shooter, in_view, rng):
+    share = pair.rules.passer_nearer
+    nearer = share > 0.0 and ease_shooter <= 0.0 and uniform(rng) < share
+    if not _start(pair, ease_passer, ease_shooter, in_view, nearer, rng):
         return False
     reset(pair.handles, pair.stage.state)
     forget(pair.memory)
@@ -239,6 +246,7 @@ def run_pair(
     ends: NDArray[np.int64],
     passes: NDArray[np.int64],
     steps: NDArray[np.int64],
+    nearer: NDArray[np.int64],
 ) -> bool:
     """Run one trial a seed; return False if no start was found.
 
@@ -250,6 +258,7 @@ def run_pair(
         ends: (trials,) filled with GOING (time ran out), SUCCESS (the shooter's goal), FAILURE (out of the field),
             COLLISION or STRAY_GOAL.
         passes, steps: (trials,) filled with the passes and the length of each trial.
+        nearer: (trials,) filled with the robot that started nearer to the ball.
     """
     pair = borrowed(pair)
     rng = np.zeros(1, np.uint64)
@@ -266,7 +275,7 @@ def run_pair(
             t += 1
             _sense(pair, t, rng)
         end_trial(pair, standing, t)
-        ends[n], passes[n], steps[n] = standing, pair.stage.passes[0], t
+        ends[n], passes[n], steps[n], nearer[n] = standing, pair.stage.passes[0], t, pair.stage.nearer[0]
     return True
 
 

@@ -40,6 +40,7 @@ class Rules(NamedTuple):
     """What a trial is about. Rewards, and of a random robot for how long it holds a primitive [steps]."""
 
     in_view: bool
+    passer_nearer: float
     goal_reward: float
     pass_reward: float
     every_pass: bool
@@ -86,6 +87,7 @@ class Stage(NamedTuple):
     state: (3, 6). commands: (2, 2). ball_gap: (2,). robot_gap: (2, 2). teams: (2,).
     codes: (2, 2), of the actions under way. held: (2, 2) int64, of a random robot the action and the steps left.
     trial: (1,) int64 number of the trial for the stores. passes: (1,) int64, of the trial.
+    nearer: (1,) int64, the robot that started nearer to the ball.
     """
 
     state: NDArray[np.float64]
@@ -97,6 +99,7 @@ class Stage(NamedTuple):
     held: NDArray[np.int64]
     trial: NDArray[np.int64]
     passes: NDArray[np.int64]
+    nearer: NDArray[np.int64]
 
 
 class Pair(NamedTuple):
@@ -130,6 +133,7 @@ def make_stage() -> Stage:
         held=np.zeros((2, 2), np.int64),
         trial=np.zeros(1, np.int64),
         passes=np.zeros(1, np.int64),
+        nearer=np.zeros(1, np.int64),
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from behaviors.agents import NAMES, Agent, Duty, Outcomes, Period, joined, new_agents
+from behaviors.agents import NAMES, Agent, Duty, Outcomes, Period, joined, new_agents, no_outcomes
 from behaviors.decisions import make_decisions, most_decisions
 from behaviors.pair import run_pair
 from behaviors.pair_data import FIXED, LEARNING, PASSER, RANDOM, SHOOTER, Pair, Player, Rules, make_stage
@@ -133,6 +133,7 @@ class Schooling:
             events=make_events(2),
             rules=Rules(
                 in_view=starts.in_view,
+                passer_nearer=starts.passer_nearer,
                 goal_reward=schedule.goal_reward,
                 pass_reward=schedule.pass_reward,
                 every_pass=schedule.passes_rewarded == "each",
@@ -161,12 +162,12 @@ class Schooling:
     ) -> Outcomes:
         """Run trials number ``first`` and following of ``total``, with seeds of a random stream."""
         seeds = np.array([game_seed(self.seed, *stream, first + n) for n in range(trials)], np.uint64)
-        ends, passes, steps = (np.zeros(trials, np.int64) for _ in range(3))
-        if not run_pair(pair, limit or self.schedule.time_limit_steps, first, total, seeds, ends, passes, steps):
+        found = no_outcomes(trials)
+        if not run_pair(pair, limit or self.schedule.time_limit_steps, first, total, seeds, *found):
             raise InputError(
                 f"{self.schedule.name}: no start was found; widen the rectangles of [starts], or set in_view = false"
             )
-        return Outcomes(ends, passes, steps)
+        return found
 
     def afterwards(self, games: int) -> Outcomes:
         """Measure what both robots do greedily, on starts that no learning and no check has seen; both store."""

@@ -58,6 +58,9 @@ class PairStarts(_Settings, frozen=True, kw_only=True):
     """Where trials start: uniform in rectangles."""
 
     in_view: bool = True  # the passer sees ball and shooter, the shooter ball and goal
+    # Share of the trials in which the passer starts nearer to the ball. In the others it may or may not: a shooter that
+    # is to see ball and goal mostly is nearer, and needs no passer.
+    passer_nearer: Share = 0.25
     ball: StartSettings = StartSettings(x_m=(2.5, 7.4), y_m=(0.6, 3.975))
     passer: StartSettings = StartSettings(x_m=(0.4, 6.0), y_m=(0.4, 4.175), spread_deg=60.0)
     shooter: StartSettings = StartSettings(x_m=(1.5, 7.4), y_m=(0.4, 4.175), spread_deg=60.0)
@@ -78,7 +81,7 @@ class TransferSettings(_Settings, frozen=True, kw_only=True):
     wall_elasticity: Share = 0.6
     actuator_noise: Share = 0.1  # standard deviation, as a share of the commanded speed and turn rate
     epsilon: Share = 0.2  # [T] 3.6.2: "selects optimal action with probability 80 %"
-    alpha: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.05  # constant: few trials may not spoil what many taught
+    alpha: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.01  # constant: few trials may not spoil what many taught
     reuse: Literal["copy", "mixture", "cold"] = "copy"  # of what E learned, in F: 50 trials teach nothing from zero
 
     def __post_init__(self) -> None:

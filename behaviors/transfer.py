@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.agents import Agent, Duty, Outcomes, joined
+from behaviors.agents import Agent, Duty, Outcomes, joined, no_outcomes
 from behaviors.pair import act, begin_trial, end_trial, take_in
 from behaviors.pair_data import LEARNING, Pair
 from behaviors.pair_models import renew_models
@@ -92,7 +92,7 @@ def run_elsewhere(
     total: int = 1,
 ) -> Outcomes:
     """Run one trial a seed, number ``first`` and following of ``total``, with images from ``Eyes``."""
-    ends, passes, steps = (np.zeros(len(seeds), np.int64) for _ in range(3))
+    found = no_outcomes(len(seeds))
     for n, seed in enumerate(seeds):
         rng = np.full(1, seed)
         progress = (first + n) / max(total - 1, 1)
@@ -109,8 +109,9 @@ def run_elsewhere(
             eyes.look(rng)
             take_in(pair, t)
         end_trial(pair, standing, t)
-        ends[n], passes[n], steps[n] = standing, pair.stage.passes[0], t
-    return Outcomes(ends, passes, steps)
+        for column, value in zip(found, (standing, pair.stage.passes[0], t, pair.stage.nearer[0]), strict=True):
+            column[n] = value
+    return found
 
 
 def _learner(usual: Learner, settings: TransferSettings) -> Learner:

@@ -109,6 +109,8 @@ def _shrink(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Move each side of a convex polygon inwards by what OpenCV's outline adds: half a pixel along x or y."""
     place = points[:, 0] + 1j * points[:, 1]
     place = place[np.abs(np.roll(place, -1) - place) > _TINY]
+    if len(place) < 2:
+        return np.empty((0, 2))  # all of it lies in one point
     following = np.roll(place, -1)
     area, sides = np.vdot(place, following).imag, following - place
     inwards = 1j * np.sign(area) * sides / np.abs(sides)

@@ -243,6 +243,37 @@ def test_a_robot_with_a_fixed_policy_follows_it_but_for_its_share_of_random_acti
         assert stats.binomtest(others, len(actions), share * 6 / 7).pvalue > 1e-4
 
 
+# -------------------------------------------------------------------------------------------------------------- starts
+
+
+def test_in_a_share_of_the_trials_the_passer_starts_nearer_to_the_ball(schooled):
+    found = {}
+    for share in (0.0, 0.25, 1.0):
+        changes = (f"starts.passer_nearer={share}", "time_limit_steps=1")
+        one, pair = ready(*changes, roles=(FIXED, FIXED), schooled=schooled)
+        found[share] = one.run(pair, (6,), 800)
+        distances = np.hypot(*(pair.stage.state[:2, :2] - pair.stage.state[2, :2]).T)  # of the last start, a step later
+        if abs(distances[0] - distances[1]) > 0.2:
+            assert found[share].nearer[-1] == distances.argmin()
+    anyway = (found[0.0].nearer == PASSER).mean()
+    assert 0.0 < anyway < 0.3
+    assert (found[1.0].nearer == PASSER).all()
+    expected = 0.25 + 0.75 * anyway
+    assert abs((found[0.25].nearer == PASSER).mean() - expected) < 0.07  # 4 standard deviations
+    parts = [found[0.25].where_nearer(robot) for robot in (PASSER, SHOOTER)]
+    assert sum(len(part.ends) for part in parts) == 800
+    assert all((part.nearer == robot).all() for robot, part in enumerate(parts))
+
+
+def test_easy_missions_of_the_shooter_do_not_wait_for_the_passer(schooled):
+    changes = ("starts.passer_nearer=1.0", "time_limit_steps=1", "shooter.learning.easy_share=1.0")
+    one, pair = ready(*changes, roles=(FIXED, LEARNING), schooled=schooled)
+    easy = one.run(pair, (6,), 200, total=10_000)
+    full = one.run(pair, (6,), 200, first=9_999, total=10_000)
+    assert (easy.nearer == SHOOTER).any()
+    assert (full.nearer[:1] == PASSER).all()
+
+
 # ----------------------------------------------------------------------------------------------------------- elsewhere
 
 SAME = TransferSettings(camera="analytic", latency_steps=0)
@@ -257,7 +288,7 @@ def test_the_other_world_is_the_compiled_one_if_it_is_the_same_world(schooled):
             outcomes = run_elsewhere(pair, one.settings, SAME, seeds, time_limit=150, first=0, total=6)
         else:
             outcomes = one.run(pair, (5,), 6, total=6)
-        parts = [outcomes.ends, outcomes.passes, outcomes.steps]
+        parts = [*outcomes]
         for agent, player in zip(one.agents, pair.players, strict=True):
             store = agent.store._replace(features=agent.store.features[agent.store.areas > 0.0])
             parts += [player.table.values, player.table.visits, *store]
@@ -302,15 +333,18 @@ def test_a_model_of_what_is_hardly_seen_any_more_is_kept(schooled):
     assert agent.old is not None
 
 
-def test_states_that_are_turned_are_turned_back_by_alignment(schooled):
+def test_states_that_are_mapped_are_mapped_back_by_alignment(schooled):
     one, pair = ready(roles=(RANDOM, STATIONARY), stores=(True, False), schooled=schooled)
     one.run(pair, (8,), 20)
     agent = one.agents[PASSER]
     model = agent.models[0]
-    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
-    turned = dataclasses.replace(model, memory_matrix=turn @ model.memory_matrix)
-    back = align(turned, model, stored_stretches(agent.store, "ball"))
+    random = np.random.default_rng(1)
+    mapping, moved = random.normal(size=(3, 3)), random.normal(size=len(model.past_mean))
+    mapped = dataclasses.replace(model, memory_matrix=mapping @ model.memory_matrix, past_mean=model.past_mean + moved)
+    back = align(mapped, model, stored_stretches(agent.store, "ball"))
     np.testing.assert_allclose(back.memory_matrix, model.memory_matrix, rtol=1e-6, atol=1e-9)
+    zero = model.memory_matrix @ (back.past_mean - model.past_mean)  # the state is the same of whatever past
+    np.testing.assert_allclose(zero, 0.0, atol=1e-6)
 
 
 def test_the_store_holds_the_latest_steps(schooled):

@@ -1,4 +1,4 @@
-"""Tables 3.2 and 3.3 and Figs. 3.8 to 3.10 of the dissertation, from sets that behaviors.chapter3 has run.
+"""Tables 3.2 and 3.3 and Figs. 3.8 to 3.10 of the dissertation, from sets that behaviors.studies.chapter3 has run.
 
     python -m analysis.chapter3 runs/chapter3
 
@@ -83,12 +83,14 @@ def read_methods(folder: Path) -> list[Method]:
             )
         )
     if not methods:
-        raise click.ClickException(f"{folder} holds no finished set; run 'python -m behaviors.chapter3' first")
+        raise click.ClickException(f"{folder} holds no finished set; run 'python -m behaviors.studies.chapter3' first")
     return methods
 
 
 def _interval(values: Sequence[float], *, most: float = np.inf) -> str:
-    """Return the mean over sets with its interval, cut at 0 and at the most that it can be."""
+    """Return the mean over sets with its interval, cut at 0 and at the most that it can be; nothing of no set."""
+    if not len(values):
+        return ""
     mean, low, high = mean_interval(values)
     return f"{mean:.3f}" + (f" [{max(0.0, low):.3f}, {min(most, high):.3f}]" if len(values) > 1 else "")
 
@@ -159,11 +161,30 @@ def prediction(methods: Sequence[Method]) -> Report:
 
 def afterwards(methods: Sequence[Method]) -> Report:
     """Return what both robots do greedily after the last period in simulation."""
-    rows = [
-        [m.name, str(len(m.summaries)), *(_interval([s["after"][key] for s in m.summaries], most=1.0) for key in _KEYS)]
-        for m in methods
-    ]
-    return {"afterwards": (["method", "sets", *_KEYS], rows)}
+    rows: Rows = []
+    for method in methods:
+        found = [summary["after"] for summary in method.summaries]
+        parts = {"either": found}
+        for robot in ("passer", "shooter"):
+            parts[robot] = [one["nearer"][robot] for one in found if robot in one["nearer"]]
+        for nearer, measured in parts.items():
+            shares = [_interval([one[key] for one in measured], most=1.0) for key in _KEYS]
+            rows.append([method.name, str(len(measured)), nearer, *shares])
+    return {"afterwards": (["method", "sets", "nearer to the ball", *_KEYS], rows)}
+
+
+def periods(methods: Sequence[Method]) -> Report:
+    """Return the successes in the last tenth of each period in simulation, where learning has come to."""
+    rows: Rows = []
+    for method in methods:
+        for period in dict.fromkeys(method.periods[0].tolist()):
+            if period in ("E", "F"):
+                continue
+            of_period = [t[p == period] for p, t in zip(method.periods, method.trials, strict=True)]
+            ends = [_successes(trials[-max(1, len(trials) // 10) :]) for trials in of_period]
+            shares = [_interval([float(one[key].mean()) for one in ends], most=1.0) for key in _KEYS]
+            rows.append([method.name, period, *shares])
+    return {"periods": (["method", "last tenth of", *_KEYS], rows)}
 
 
 def _curves(method: Method, key: str) -> Line:
@@ -260,7 +281,7 @@ def main(*, folder: Path, out: Path | None) -> None:
     methods = read_methods(folder)
     out = out or folder / "report"
     out.mkdir(parents=True, exist_ok=True)
-    shown = afterwards(methods) | other_world(methods) | orders(methods) | prediction(methods)
+    shown = periods(methods) | afterwards(methods) | other_world(methods) | orders(methods) | prediction(methods)
     for name, (header, rows) in (shown | _curve_rows(methods)).items():
         with (out / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows([header, *rows])

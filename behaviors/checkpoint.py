@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.table import Table
+from behaviors.tabular.table import Table
 from coevo.compiled import cache_folder
 from coevo.errors import InputError
 from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, write_whole

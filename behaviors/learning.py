@@ -13,16 +13,16 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from behaviors.alone.experience import make_models
+from behaviors.alone.scene import blank_skill, make_scene, no_start, provisional_skill
+from behaviors.alone.task import COLLISION, SUCCESS
+from behaviors.alone.trials import INFORMED, LEARNED, RANDOM, run_trials
 from behaviors.checkpoint import Standing, read_checkpoint, write_checkpoint
-from behaviors.decisions import make_decisions, most_decisions
-from behaviors.experience import make_models
-from behaviors.qlearning import make_learner
+from behaviors.coordination.relearning import coordinate
 from behaviors.recipe import Recipe, plain_recipe, recipe_digest
-from behaviors.relearning import coordinate
-from behaviors.scene import blank_skill, make_scene, no_start, provisional_skill
-from behaviors.table import all_states, make_table, with_room
-from behaviors.task import COLLISION, SUCCESS
-from behaviors.trials import INFORMED, LEARNED, RANDOM, run_trials
+from behaviors.tabular.decisions import make_decisions, most_decisions
+from behaviors.tabular.qlearning import make_learner
+from behaviors.tabular.table import all_states, make_table, with_room
 from coevo.errors import InputError
 from coevo.skill import Skill, load_skill
 from coevo.soccer.rng import game_seed
@@ -42,7 +42,7 @@ Report = Callable[[int, int, float], None]
 class Measured:
     """Outcome of many trials of one policy.
 
-    outcomes, steps: (trials,) int64; see behaviors.task for the outcomes.
+    outcomes, steps: (trials,) int64; see behaviors.alone.task for the outcomes.
     success: (trials,) bool; for the task avoid, that no collision happened.
     """
 
@@ -243,17 +243,19 @@ def evaluate(
     seed: int,
     starts: str | None = None,
     mover: Any = None,
+    epsilon: float = 0.0,
 ) -> Measured:
-    """Run a skill greedily from unseen starts.
+    """Run a skill from unseen starts, greedily but for a share of random actions.
 
     Args:
         recipe: the task.
         skill: what to measure: a skill; "random", actions that are each held as long as the recipe allows; or
-            "informed", a controller that is told the true state (behaviors.informed).
+            "informed", a controller that is told the true state (behaviors.alone.informed).
         games: how many trials.
         seed: the starts are drawn from it; they are never those of learning.
         starts: "in-view" or "anywhere", instead of the recipe's.
         mover: MoverSettings instead of the recipe's.
+        epsilon: probability that an action is drawn at random.
     """
     changed = msgspec.structs.replace(recipe, starts=starts or recipe.starts, mover=mover or recipe.mover)
     if isinstance(skill, Skill):
@@ -262,16 +264,19 @@ def evaluate(
             wanted = ", ".join(model.kind for model in recipe.objects)
             looks = ", ".join(sorted(kinds))
             raise InputError(f"the skill {skill.name!r} looks at {looks}; the task {recipe.task} needs {wanted}")
-    return _run(changed, skill, games, seed, _EVALUATION)
+    return _run(changed, skill, games, seed, _EVALUATION, epsilon)
 
 
-def _run(recipe: Recipe, skill: Skill | Yardstick, games: int, seed: int, stream: int) -> Measured:
+def _run(
+    recipe: Recipe, skill: Skill | Yardstick, games: int, seed: int, stream: int, epsilon: float = 0.0
+) -> Measured:
     """Run ``games`` trials of the recipe without learning."""
     scene = make_scene(recipe, skill if isinstance(skill, Skill) else provisional_skill(recipe))
     policy = LEARNED if isinstance(skill, Skill) else RANDOM if skill == "random" else INFORMED
     seeds = _seeds(seed, stream, 0, games)
     outcomes, steps = np.zeros(games, np.int64), np.zeros(games, np.int64)
-    learner, unused = make_learner(recipe.learning), make_table(1, len(scene.codes))
+    learner = make_learner(recipe.learning)._replace(epsilon_start=epsilon, epsilon_end=epsilon)
+    unused = make_table(1, len(scene.codes))
     decisions = make_decisions(recipe.time_limit_steps)
     if not run_trials(scene, learner, False, policy, 0, games, seeds, unused, decisions, outcomes, steps):
         raise no_start(recipe)

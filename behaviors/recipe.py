@@ -49,7 +49,7 @@ class ModelSettings(_Settings, frozen=True, kw_only=True):
     history_length: Annotated[int, Meta(ge=1, le=12)] | None = None  # None: chosen as in 3.2.3; raw: always 1
     order: Annotated[int, Meta(ge=1, le=8)] | None = None  # None: chosen by AIC (3.6); raw: 2, of a goal 3
     cell: Positive = 0.6  # half width of the middle cell in standard deviations; (3.9) has 1
-    axes: Literal["varimax", "canonical"] = "varimax"  # which way the state's axes point; see behaviors.axes
+    axes: Literal["varimax", "canonical"] = "varimax"  # which way the state's axes point; see behaviors.lpm.axes
     lost_states: Annotated[int, Meta(ge=1, le=2)] = (
         2  # of an object out of view: 2 tell on which side it was seen last; (3.9) has 1
     )
@@ -103,7 +103,7 @@ class LearningSettings(_Settings, frozen=True, kw_only=True):
     epsilon_end: Share = 0.02
     easy_share: Share = 0.3  # of the trials, in which the missions grow from easy to full
     anywhere_share: Share = 0.0  # of the trials, which start anywhere though the recipe starts in view
-    storage: Literal["dense", "sparse"] = "dense"  # sparse: only states that were visited; see behaviors.table
+    storage: Literal["dense", "sparse"] = "dense"  # sparse: only states that were visited; see behaviors.tabular.table
     # The greedy policy is checked now and then, on starts of its own, and the table that did best is kept: late
     # updates in aliased cells can spoil a good table.
     check_every: Annotated[int, Meta(ge=0)] = 1000  # trials between two checks; 0: keep the last one
@@ -121,7 +121,7 @@ class MoverSettings(_Settings, frozen=True, kw_only=True):
 
 
 class CoordinationSettings(_Settings, frozen=True, kw_only=True):
-    """One skill from several that are learned already (appendix B.2); see behaviors.coordination."""
+    """One skill from several that are learned already (appendix B.2); see behaviors.coordination.areas."""
 
     skills: Annotated[tuple[str, ...], Meta(min_length=2, max_length=4)]  # installed names, or paths of skill files
     areas: Literal["isodata", "none"] = "isodata"  # "none": all states are learned again
@@ -217,7 +217,7 @@ def read_recipe(source: str) -> Recipe:
         if "passer" in data:
             raise InputError(
                 f"{source} is a schedule of two robots, not the recipe of a skill;"
-                f" run it with 'python -m behaviors.chapter3 {source}'"
+                f" run it with 'python -m behaviors.studies.chapter3 {source}'"
             )
         return check(Recipe, data, source)
     names = installed_recipes()

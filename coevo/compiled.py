@@ -32,7 +32,7 @@ __all__ = ["borrowed", "cache_folder", "entry", "helper", "inlined", "is_compile
 _F = TypeVar("_F", bound=Callable[..., Any])
 _PACKAGES = Path(__file__).resolve().parents[1]
 _DECORATED = re.compile(rb"^from coevo\.compiled import .*\b(entry|helper|inlined)\b", re.MULTILINE)
-_TAKEN_FROM = re.compile(rb"^from behaviors\.(\w+) import", re.MULTILINE)
+_TAKEN_FROM = re.compile(rb"^from behaviors\.([\w.]+) import", re.MULTILINE)
 _LIBRARIES = ("numba", "llvmlite", "numpy", "pymunk")
 _entries: list[Any] = []
 _decorating = threading.Lock()
@@ -48,14 +48,16 @@ def _kernel_sources() -> list[Path]:
 
 def _learning_sources() -> set[Path]:
     """The modules of behaviors that hold compiled code, and those that they take names from."""
-    texts = {path: path.read_bytes() for path in (_PACKAGES / "behaviors").glob("*.py")}
+    texts = {path: path.read_bytes() for path in (_PACKAGES / "behaviors").rglob("*.py")}
     waiting = [path for path, text in texts.items() if _DECORATED.search(text)]
     found: set[Path] = set()
     while waiting:
         path = waiting.pop()
         if path in texts and path not in found:
             found.add(path)
-            waiting += [path.with_name(f"{name.decode()}.py") for name in _TAKEN_FROM.findall(texts[path])]
+            for name in _TAKEN_FROM.findall(texts[path]):
+                module = _PACKAGES.joinpath("behaviors", *name.decode().split("."))
+                waiting += [module.with_suffix(".py"), module / "__init__.py"]
     return found
 
 
@@ -67,7 +69,7 @@ def cache_folder() -> Path:
         digest.update(f"{library} {version(library)}\n".encode())
     digest.update(f"{sys.version} {platform.machine()} {llvmlite.binding.get_host_cpu_name()}\n".encode())
     for path in _kernel_sources():
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+        digest.update(path.relative_to(_PACKAGES).as_posix().encode() + b"\0" + path.read_bytes())
     root = os.environ.get("COEVO_CACHE_DIR") or platformdirs.user_cache_dir("coevo")
     return Path(root) / digest.hexdigest()[:20]
 

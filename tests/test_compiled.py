@@ -73,8 +73,8 @@ def test_the_folder_is_that_of_these_sources(sources):
         "coevo/tree/program.py",
         "coevo/game.py",
         "coevo/compiled.py",
-        "behaviors/trials.py",
-        "behaviors/task.py",
+        "behaviors/alone/trials.py",
+        "behaviors/alone/task.py",
     ],
 )
 def test_an_edit_of_a_kernels_source_changes_the_folder_and_taking_it_back_restores_it(sources, kernel):
@@ -101,12 +101,13 @@ def test_new_and_removed_kernels_change_the_folder(sources):
 
 def test_what_compiled_learning_takes_its_names_from_is_in_the_digest(sources):
     before = folder_now()
-    append(sources / "behaviors" / "pair_data.py")  # compiles nothing itself, but its numbers are compiled into pair.py
+    # It compiles nothing itself, but its numbers are compiled into pair/trial.py.
+    append(sources / "behaviors" / "pair" / "data.py")
     assert folder_now() != before
 
 
 @pytest.mark.parametrize(
-    "other", ["coevo/cli/__init__.py", "coevo/run.py", "behaviors/chapter3.py", "behaviors/cards.py"]
+    "other", ["coevo/cli/__init__.py", "coevo/run.py", "behaviors/studies/chapter3.py", "behaviors/cards.py"]
 )
 def test_an_edit_of_what_is_not_compiled_keeps_the_folder(sources, other):
     before = folder_now()

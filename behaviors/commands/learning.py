@@ -220,8 +220,8 @@ def _prepare(folder: Path) -> None:
 
 def tell_compiling(learned: Recipe | None, *, quiet: bool) -> None:
     """Say that learning a recipe, or else only measuring, compiles what it takes first, if it does."""
-    from behaviors.steps import count_steps
-    from behaviors.trials import gather, run_trials
+    from behaviors.alone.steps import count_steps
+    from behaviors.alone.trials import gather, run_trials
     from coevo.compiled import is_compiled
 
     needed: list[Callable[..., Any]] = [run_trials]

@@ -41,7 +41,12 @@ def folder(tmp_path):
             "chosen_order": 4 + number,
         }
         summary = {
-            "after": {"passing": share, "shooting": 0.5, "collisions": 0.0},
+            "after": {
+                "passing": share,
+                "shooting": 0.5,
+                "collisions": 0.0,
+                "nearer": {"passer": {"passing": 1.0, "shooting": 0.25, "collisions": 0.0}},
+            },
             "models": [{**common, **model, "contribution": [0.9, 0.5 + 0.1 * number]}],
             "prediction_errors": [
                 {**common, "where": "simulation", "orders": "used", "rms_px": 1.0 + number, "relative": 0.1}
@@ -79,6 +84,26 @@ def test_curves_are_shares_of_blocks_in_simulation_only(folder):
     for path in (folder / "report").glob("*.svg"):
         ET.parse(path)  # noqa: S314 - our own file
     assert (folder / "report" / "figure-3-9-schedule-passer.svg").exists()
+
+
+def test_what_came_after_is_told_by_who_was_nearer_to_the_ball(folder):
+    CliRunner().invoke(main, [str(folder)])
+    found = {row["nearer to the ball"]: row for row in rows(folder / "report" / "afterwards.csv")}
+    assert found["either"]["passing"].startswith(f"{np.mean(PASSING):.3f}")
+    assert found["passer"]["passing"] == "1.000 [1.000, 1.000]"
+    assert (found["passer"]["sets"], found["shooter"]["sets"]) == ("3", "0")
+    assert found["shooter"]["passing"] == ""
+
+
+def test_the_last_tenth_of_a_period_says_where_learning_has_come_to(folder):
+    for path in folder.glob("schedule/set-*/trials.csv"):
+        text = path.read_text()
+        path.write_text(text.replace("A,1,0,5\n" * 5 + "B", "A,3,1,5\n" * 5 + "B"))
+    CliRunner().invoke(main, [str(folder)])
+    found = {row["last tenth of"]: row for row in rows(folder / "report" / "periods.csv")}
+    assert list(found) == ["A", "B"]
+    assert found["A"]["passing"] == found["A"]["collisions"] == found["B"]["passing"] == "1.000 [1.000, 1.000]"
+    assert found["A"]["shooting"] == found["B"]["shooting"] == "0.000 [0.000, 0.000]"
 
 
 def test_a_folder_without_sets_is_refused(tmp_path):

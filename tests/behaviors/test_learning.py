@@ -13,8 +13,10 @@ from scipy import stats
 from statsmodels.stats.proportion import proportion_confint
 
 from behaviors import learning
+from behaviors.alone.experience import experience
+from behaviors.alone.scene import provisional_skill
+from behaviors.alone.task import COLLISION, FAILURE, GOING, SUCCESS, judge, task_params
 from behaviors.cards import make_card, measure
-from behaviors.experience import experience
 from behaviors.learning import evaluate, learn, wilson_interval
 from behaviors.recipe import (
     ExperienceSettings,
@@ -23,8 +25,6 @@ from behaviors.recipe import (
     read_recipe,
     recipe_digest,
 )
-from behaviors.scene import provisional_skill
-from behaviors.task import COLLISION, FAILURE, GOING, SUCCESS, judge, task_params
 from coevo.config import check
 from coevo.errors import InputError
 from coevo.skill import load_skill, make_bank, read_card

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from behaviors.alone.task import start_trial, task_params
+from behaviors.pair.recipe import read_schedule
 from behaviors.recipe import (
     MoverSettings,
     Recipe,
@@ -20,8 +22,6 @@ from behaviors.recipe import (
     read_recipe,
     recipe_digest,
 )
-from behaviors.schedule_recipe import read_schedule
-from behaviors.task import start_trial, task_params
 from coevo.compiled import entry
 from coevo.config import check, read_toml, to_toml
 from coevo.errors import InputError

@@ -1,0 +1,1 @@
+"""One robot learns one skill: its task, what it happens in, its trials."""

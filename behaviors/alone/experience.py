@@ -1,0 +1,189 @@
+"""What random actions let a robot see, in stretches with an object in view, and the models estimated from it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from itertools import takewhile
+
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
+
+from behaviors.alone.scene import make_scene, no_start, provisional_skill
+from behaviors.alone.trials import gather
+from behaviors.lpm import LocalPredictionModel, identify
+from behaviors.lpm.axes import simple_axes
+from behaviors.lpm.cva import lagged
+from behaviors.raw import raw_model
+from behaviors.recipe import ExperienceSettings, ModelSettings, Recipe
+from coevo.errors import InputError
+from coevo.skill import ObjectModel, load_skill
+from coevo.skill.model import INPUTS, OBJECT_KINDS
+from coevo.soccer.camera import BALL, FEATURES, OPPONENT_GOAL, OWN_GOAL, ROBOTS
+from coevo.soccer.rng import game_seed
+
+__all__ = ["Stretch", "align", "enough", "experience", "in_view", "make_model", "make_models", "window_count"]
+
+Array = NDArray[np.float64]
+Stretch = tuple[Array, Array]
+"""(actions (T, 2), observations (T, q)) of one trial with an object in view, each action with the image it led to."""
+
+_STREAM = 0  # of the recipe's seed; see behaviors.learning
+_ROWS, _MOST_PARTS = 20_000, 100
+_SLOTS = {"ball": BALL, "own_goal": OWN_GOAL, "opponent_goal": OPPONENT_GOAL, "mate": ROBOTS}
+
+
+def in_view(trial: NDArray[np.int64], inputs: Array, features: Array, areas: Array) -> list[Stretch]:
+    """Return the stretches of one trial each in which an object was in view.
+
+    Args:
+        trial: (rows,) number of the trial. inputs: (rows, 2) code of the action that led to the row's image.
+        features: (rows, q) of the object. areas: (rows,) of the object [px], 0 where it is not in view.
+    """
+    visible = areas > 0.0
+    breaks = np.flatnonzero((np.diff(visible.astype(np.int8)) != 0) | (np.diff(trial) != 0)) + 1
+    pieces = [piece for piece in np.split(np.arange(len(trial)), breaks) if len(piece) and visible[piece[0]]]
+    return [(inputs[piece], features[piece]) for piece in pieces]
+
+
+def window_count(stretches: Sequence[Stretch]) -> int:
+    """Return for how many steps the object was in view."""
+    return sum(len(actions) for actions, _ in stretches)
+
+
+def enough(stretches: Sequence[Stretch], windows: int) -> list[Stretch]:
+    """Return the first stretches that together have ``windows`` steps, or all."""
+    before = np.cumsum([0, *(len(actions) for actions, _ in stretches)])
+    return [stretch for stretch, _ in takewhile(lambda pair: pair[1] < windows, zip(stretches, before, strict=False))]
+
+
+def make_model(
+    settings: ModelSettings, stretches: Sequence[Stretch], experience: ExperienceSettings, *, image_width: float
+) -> tuple[ObjectModel, LocalPredictionModel | None]:
+    """Return how an object's state is estimated, and the model it comes from (None for the estimator "raw").
+
+    Args:
+        settings: of the object.
+        stretches: in which it was in view; the first that give ``experience.windows`` steps are used.
+        experience: how many steps, and how future inputs are treated.
+        image_width: [px].
+    """
+    used = enough(stretches, experience.windows)
+    if settings.estimator == "raw":
+        seen = [observations for _, observations in used]
+        order, cell, lost = settings.order, settings.cell, settings.lost_states
+        raw = raw_model(settings.kind, seen, order=order, image_width=image_width, cell=cell, lost_states=lost)
+        return raw, None
+    found = identify(
+        used,
+        history_length=settings.history_length,
+        order=settings.order,
+        future_inputs=experience.future_inputs,
+    )
+    memory_matrix = found.memory_matrix
+    if settings.axes == "varimax":
+        memory_matrix = simple_axes(found, used).T @ memory_matrix
+    mean, length = found.past_mean, found.history_length
+    return ObjectModel(settings.kind, length, memory_matrix, mean, settings.cell, settings.lost_states), found
+
+
+def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
+    """Act at random and return, for each object, the stretches in which it was in view.
+
+    Raises:
+        InputError: no start was found, or an object is hardly ever seen.
+    """
+    scene = make_scene(recipe, provisional_skill(recipe))
+    objects = scene.memory.areas.shape[1]
+    settings = recipe.experience
+    stretches: dict[str, list[Stretch]] = {model.kind: [] for model in recipe.objects}
+    seen = dict.fromkeys(stretches, 0)  # steps in view
+    part = 0
+    while min(seen.values()) < settings.windows:
+        trial, inputs = np.zeros(_ROWS, np.int64), np.zeros((_ROWS, INPUTS))
+        features, areas = np.zeros((_ROWS, objects, FEATURES)), np.zeros((_ROWS, objects))
+        random = game_seed(seed, _STREAM, part)
+        filled = gather(
+            scene,
+            random,
+            settings.hold_min_steps,
+            settings.hold_max_steps,
+            settings.trial_steps,
+            trial,
+            inputs,
+            features,
+            areas,
+        )
+        if filled < _ROWS:
+            raise no_start(recipe)
+        for kind, found in stretches.items():
+            slot = _SLOTS.get(kind, objects - 1)  # the nearest robot has the last one
+            new = in_view(trial, inputs, features[:, slot, : OBJECT_KINDS[kind]], areas[:, slot])
+            seen[kind] += window_count(new)
+            found.extend(new)
+        part += 1
+        kind, steps = min(seen.items(), key=lambda item: item[1])
+        if steps * _MOST_PARTS < settings.windows * part:
+            raise InputError(
+                f"the recipe {recipe.name!r}: its {kind} came into view in {steps} of {part * _ROWS} steps of random"
+                f" actions, so no model can be identified from {settings.windows} (experience.windows); look at another"
+                " object, or let the camera see it"
+            )
+    return stretches
+
+
+def make_models(recipe: Recipe, seed: int) -> tuple[ObjectModel, ...]:
+    """Return the model of each of the recipe's objects: that of another skill, or estimated from experience.
+
+    Raises:
+        InputError: the experience is not enough for the settings of a model, or the other skill has none.
+    """
+    given = {one.kind: _model_of(one.model_of, one.kind) for one in recipe.objects if one.model_of is not UNSET}
+    stretches = experience(recipe, seed) if len(given) < len(recipe.objects) else {}
+    return tuple(given.get(one.kind) or _model(recipe, one, stretches[one.kind]) for one in recipe.objects)
+
+
+def _model_of(source: str, kind: str) -> ObjectModel:
+    skill = load_skill(source)
+    for model in skill.objects:
+        if model.kind == kind:
+            return model
+    looks = ", ".join(model.kind for model in skill.objects)
+    raise InputError(f"model_of: the skill {source!r} looks at {looks}, so it has no model of {kind}")
+
+
+def _model(recipe: Recipe, settings: ModelSettings, stretches: list[Stretch]) -> ObjectModel:
+    try:
+        return make_model(settings, stretches, recipe.experience, image_width=recipe.world.camera.width_px)[0]
+    except ValueError as error:
+        raise InputError(f"the recipe {recipe.name!r}, the model of {settings.kind}: {error}") from None
+
+
+def _states(model: ObjectModel, actions: Array, observations: Array, longest: int) -> Array:
+    """Return (T - longest + 1, order): the states after row ``longest`` - 1 and each later one of a stretch."""
+    length = model.history_length
+    past = np.hstack([lagged(actions, length), lagged(observations, length)])[longest - length :]
+    return np.asarray((past - model.past_mean) @ model.memory_matrix.T)
+
+
+def align(model: ObjectModel, like: ObjectModel, stretches: Sequence[Stretch]) -> ObjectModel:
+    """Return the model with its state mapped linearly to agree best with that of another.
+
+    The cells of (3.9) then mean what they meant for the other, and the values of its table still hold. Turning the axes
+    is not enough: states have unit variance in the experience that their model was made from, and experience of a
+    policy is spread otherwise than that of random actions.
+
+    Args:
+        model, like: of the same object.
+        stretches: where their states are compared, by least squares.
+    """
+    longest = max(model.history_length, like.history_length)
+    long_enough = [(u, y) for u, y in stretches if len(u) >= longest]
+    mine, theirs = (np.vstack([_states(m, u, y, longest) for u, y in long_enough]) for m in (model, like))
+    centre, centre_like = mine.mean(axis=0), theirs.mean(axis=0)
+    mapping = np.linalg.lstsq(mine - centre, theirs - centre_like, rcond=None)[0].T
+    memory_matrix = mapping @ model.memory_matrix
+    # mapping (M (p - mean) - centre) + centre_like, written as one matrix and one mean
+    mean = model.past_mean - np.linalg.pinv(memory_matrix) @ (centre_like - mapping @ centre)
+    return dataclasses.replace(model, memory_matrix=memory_matrix, past_mean=mean)

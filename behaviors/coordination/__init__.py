@@ -1,0 +1,1 @@
+"""Several learned skills become one (Uchibe 1999, appendix B.2)."""

@@ -1,0 +1,205 @@
+"""Put several learned skills together, to be learned again only where they compete (appendix B.2)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
+
+from behaviors.alone.scene import make_scene, no_start
+from behaviors.alone.steps import count_steps
+from behaviors.coordination.areas import RELEARN, Areas, Behaviour, areas_of, component, first_values, state_values
+from behaviors.recipe import Recipe
+from behaviors.tabular.decisions import make_decisions
+from behaviors.tabular.qlearning import make_learner
+from behaviors.tabular.table import Table, make_table
+from coevo.config import check
+from coevo.errors import InputError
+from coevo.skill import ObjectModel, Skill, load_skill, make_bank
+from coevo.soccer.drive import action_set
+from coevo.soccer.rng import game_seed
+
+__all__ = ["Coordinated", "coordinate", "expected_steps"]
+
+Array = NDArray[np.float64]
+
+_STEPS = 4  # stream of the seed; those of behaviors.learning come before
+
+
+@dataclass(frozen=True)
+class Coordinated:
+    """Several skills on their composite space, before anything is learned again.
+
+    skill: acts by each skill in its area and by the first values elsewhere.
+    names, digests: of the skills.
+    areas: who acts where.
+    values: (states, actions) float64 to learn on: what (B.6) bootstraps from in the areas, first values elsewhere.
+    """
+
+    skill: Skill
+    names: tuple[str, ...]
+    digests: dict[str, str]
+    areas: Areas
+    values: Array
+
+    @property
+    def fixed(self) -> NDArray[np.bool_]:
+        """(states,) whether a state is in a no-more-learning area."""
+        fixed: NDArray[np.bool_] = self.areas.area != RELEARN
+        return fixed
+
+    def table(self) -> Table:
+        """Return a table to learn on, its rows fixed in the no-more-learning areas."""
+        return make_table(*self.values.shape)._replace(values=self.values.copy(), fixed=self.fixed)
+
+    def keep(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return (states, actions) values with the skills' own in their areas.
+
+        The table has them on another level there, and a row that is moved and rounded might choose another action.
+        """
+        return np.where(self.fixed[:, None], self.skill.values, values)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What a skill file tells of it."""
+        return {"skills": self.digests, "states": self.sizes}
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Number of states in the area of each skill and in the re-learning area."""
+        counted = {name: int((self.areas.area == i).sum()) for i, name in enumerate(self.names)}
+        return {**counted, "re-learning": int((self.areas.area == RELEARN).sum())}
+
+
+def coordinate(recipe: Recipe, *, seed: int) -> Coordinated:
+    """Put the recipe's skills together on the composite space and divide it into areas.
+
+    Args:
+        recipe: with ``coordination``.
+        seed: of the trials from which the steps to the goals are estimated.
+
+    Raises:
+        InputError: the skills do not fit the recipe or each other.
+    """
+    settings = recipe.coordination
+    assert settings is not UNSET
+    skills = [load_skill(source) for source in settings.skills]
+    for skill in skills:
+        _check_actions(recipe, skill)
+    models = _shared_models(recipe, skills)
+    sizes, kinds = [model.states for model in models], [model.kind for model in models]
+    behaviours = [
+        _behaviour(recipe, skill, component(sizes, [kinds.index(model.kind) for model in skill.objects]), seed)
+        for skill in skills
+    ]
+    try:
+        areas = areas_of(
+            behaviours,
+            max_iterations=settings.max_iterations,
+            split_std=settings.split_std,
+            merge_distance=settings.merge_distance,
+        )
+    except ValueError as error:
+        raise InputError(f"the recipe {recipe.name!r}: {error}; choose other skills, or learn them longer") from None
+    if settings.areas == "none":
+        areas = dataclasses.replace(areas, area=np.full_like(areas.area, RELEARN))
+    values = first_values(behaviours, areas.distance, how=settings.initial)
+    table = values.copy()
+    for i, one in enumerate(behaviours):
+        here = areas.area == i
+        values[here] = one.levelled[one.component[here]]
+        table[here] = one.values[one.component[here]]
+    skill = Skill(
+        recipe.name,
+        recipe.world.robot.drive,
+        models,
+        table.astype(np.float32),
+        recipe.action.min_steps,
+        recipe.action.max_steps,
+    )
+    digests = {source: found.digest for source, found in zip(settings.skills, skills, strict=True)}
+    return Coordinated(skill, tuple(one.name for one in behaviours), digests, areas, values)
+
+
+def expected_steps(recipe: Recipe, skill: Skill, *, trials: int, seed: int) -> Array:
+    """Return the expected number of physical steps to the goal from each state (states,), acting by the skill.
+
+    It is the mean over greedy trials from anywhere, by the learning rule of the values with steps as rewards. A trial
+    that ends without the goal counts its time limit on top; a state that was never met counts the time limit.
+
+    Args:
+        recipe: the skill's task.
+        skill: what acts.
+        trials: how many trials.
+        seed: the starts are drawn from it.
+
+    Raises:
+        InputError: no start was found.
+    """
+    recipe = msgspec.structs.replace(recipe, starts="anywhere")
+    mean = msgspec.structs.replace(recipe.learning, alpha=1.0, alpha_visits=1.0)
+    numbers = make_learner(mean)._replace(gamma=1.0)
+    expected = np.full((len(skill.values), 1), float(recipe.time_limit_steps))
+    visits = np.zeros(expected.shape, np.int64)
+    seeds = np.array([game_seed(seed, _STEPS, n) for n in range(trials)], np.uint64)
+    table = make_table(*skill.values.shape)
+    table.fixed[:] = True
+    scene, decisions = make_scene(recipe, skill), make_decisions(recipe.time_limit_steps)
+    if not count_steps(scene, numbers, float(recipe.time_limit_steps), seeds, table, decisions, expected, visits):
+        raise no_start(recipe)
+    return expected[:, 0]
+
+
+def _behaviour(recipe: Recipe, skill: Skill, own_states: NDArray[np.int64], seed: int) -> Behaviour:
+    """Return a skill as a behaviour of the composite space, its way to the goal measured in the recipe's world."""
+    settings = recipe.coordination
+    assert settings is not UNSET
+    own = check(Recipe, dict(skill.about.get("recipe", {})), f"the recipe in the skill {skill.name!r}")
+    own = msgspec.structs.replace(own, world=recipe.world)
+    has_goal, steps = own.task != "avoid", None
+    if has_goal and settings.worth == "steps":
+        steps = expected_steps(own, skill, trials=settings.steps_trials, seed=seed)
+    values = skill.values.astype(np.float64)
+    worth = state_values(values, steps=steps, gamma=recipe.learning.gamma, reward=own.goal_reward)
+    return Behaviour(skill.name, values, worth, own_states, not has_goal and settings.avoid_where == "threat")
+
+
+def _check_actions(recipe: Recipe, skill: Skill) -> None:
+    """Refuse a skill whose actions are not the recipe's: its values would be of other actions."""
+    make_bank([skill], drive=recipe.world.robot.drive, actions=len(action_set(recipe.world.robot).codes))
+    limits = recipe.action
+    if (skill.min_steps, skill.max_steps) != (limits.min_steps, limits.max_steps):
+        raise InputError(
+            f"actions of the skill {skill.name!r} last {skill.min_steps} to {skill.max_steps} steps, those of the"
+            f" recipe {recipe.name!r} {limits.min_steps} to {limits.max_steps}; set action.min_steps and max_steps"
+        )
+
+
+def _shared_models(recipe: Recipe, skills: Sequence[Skill]) -> tuple[ObjectModel, ...]:
+    """Return one model for each object of the recipe, which all skills that look at it must share."""
+    found: dict[str, tuple[str, ObjectModel]] = {}
+    for skill in skills:
+        for model in skill.objects:
+            name, first = found.setdefault(model.kind, (skill.name, model))
+            if not _same(first, model):
+                raise InputError(
+                    f"the skills {name!r} and {skill.name!r} look at the {model.kind} through different models, so"
+                    f" their states differ; learn one of them with model_of = {name!r} for its {model.kind}"
+                )
+    listed = [model.kind for model in recipe.objects]
+    if set(listed) != set(found):
+        raise InputError(
+            f"the recipe {recipe.name!r} lists the objects {', '.join(listed)}; its skills look at {', '.join(found)}"
+        )
+    return tuple(found[kind][1] for kind in listed)
+
+
+def _same(one: ObjectModel, other: ObjectModel) -> bool:
+    pairs = zip(dataclasses.astuple(one), dataclasses.astuple(other), strict=True)
+    return all(np.array_equal(a, b) for a, b in pairs)

@@ -1,0 +1,198 @@
+"""Run the experiment of chapter 3: sets of the periods A to D, and E and F in another world.
+
+    python -m behaviors.studies.chapter3 runs/chapter3/schedule.toml --sets 10 --workers 2
+
+Each set is a folder, written whole when the set is finished; what is finished is not done again, so the same command
+goes on after an interruption. ``python -m analysis.chapter3`` reads the folders and makes tables and figures.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import multiprocessing
+import os
+import shutil
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+import msgspec
+
+from behaviors.pair.agents import NAMES, PERIODS, Outcomes, joined
+from behaviors.pair.models import error_trace, exchange, prediction_errors
+from behaviors.pair.recipe import Schedule, read_schedule
+from behaviors.pair.schedule import Report, Schooling
+from behaviors.pair.transfer import transfer
+from behaviors.pair.trial import run_pair
+from coevo.compiled import is_compiled
+from coevo.console import duration, note
+from coevo.errors import InputError
+from coevo.soccer.rng import game_seed
+
+__all__ = ["main", "run_set"]
+
+Files = dict[str, bytes]
+
+
+def run_set(schedule: Schedule, number: int, report: Report | None = None) -> Files:
+    """Run one set and return its files by name; the same schedule and number give the same bytes.
+
+    Args:
+        schedule: the method.
+        number: of the set, from 0 on.
+        report: called with (period, trials done, trials in all).
+    """
+    seed = int(game_seed(schedule.seed, number))
+    here = Schooling(schedule, seed, report=report)
+    here.learn(PERIODS[schedule.kind])
+    agents = here.agents
+    after = here.afterwards(schedule.games)
+    errors = [row for agent in agents for row in prediction_errors(agent, "simulation")]
+    exchanged = exchange(agents, "simulation")
+    traces = [{"where": "simulation", "robot": a.name, **row} for a in agents for row in error_trace(a)]
+    skills = {agent.name: agent.skill(schedule) for agent in agents}
+    files = {f"{name}.npz": skill.to_bytes() for name, skill in skills.items()}
+    trials, models = dict(here.trials), list(here.models)
+    if schedule.transfer.trials_e + schedule.transfer.trials_f > 0:
+        there = transfer(schedule, seed, agents, report)
+        trials |= there.trials
+        models += there.models
+        errors += [row for agent in agents for row in prediction_errors(agent, "transfer")]
+        exchanged += exchange(agents, "transfer")
+        traces += [{"where": "transfer", "robot": a.name, **row} for a in agents for row in error_trace(a)]
+    summary = {
+        "method": schedule.name,
+        "kind": schedule.kind,
+        "set": number,
+        "seed": str(seed),  # JSON has no integers of 64 bits
+        "states": {agent.name: len(skills[agent.name].values) for agent in agents},
+        "gathered_trials": here.gathered,
+        "after": _measured(after),
+        "periods": {name: {"trials": len(found.ends), **found.rates()} for name, found in trials.items()},
+        "models": models,
+        "prediction_errors": errors,
+        "exchange": exchanged,
+    }
+    files["set.json"] = msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n"
+    files["trials.csv"] = _trials(trials)
+    files["checks.csv"] = _csv(here.checks)
+    files["errors.csv"] = _csv(traces)
+    return files
+
+
+def _measured(found: Outcomes) -> dict[str, Any]:
+    """Return the rates of trials: of all, and of those in which one or the other robot started nearer to the ball."""
+    parts = {name: found.where_nearer(robot) for robot, name in enumerate(NAMES)}
+    nearer = {name: {"games": len(part.ends), **part.rates()} for name, part in parts.items() if len(part.ends)}
+    return {"games": len(found.ends), **found.rates(), "nearer": nearer}
+
+
+def _csv(rows: Sequence[dict[str, Any]]) -> bytes:
+    text = io.StringIO()
+    if rows:
+        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return text.getvalue().encode()
+
+
+def _trials(found: dict[str, Outcomes]) -> bytes:
+    periods = [name for name, one in found.items() for _ in one.ends]
+    rows = zip(periods, *(column.tolist() for column in joined(list(found.values()))), strict=True)
+    return _csv([{"period": p, "end": e, "passes": n, "steps": s, "nearer": NAMES[r]} for p, e, n, s, r in rows])
+
+
+def _write(folder: Path, files: Files) -> None:
+    """Write a set's folder whole or not at all."""
+    partial = folder.with_name(f".{folder.name}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    for name, data in files.items():
+        (partial / name).write_bytes(data)
+    partial.rename(folder)
+
+
+def _prepare(folder: Path, schedule: Schedule) -> None:
+    """Make the folder of a method; one that is there must be of the same settings."""
+    text = msgspec.json.format(msgspec.json.encode(schedule), indent=2).decode() + "\n"
+    path = folder / "settings.json"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if path.exists() and path.read_text(encoding="utf-8") != text:
+            raise InputError(f"{folder} holds sets of other settings ({path}); choose another --out, or remove it")
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write into {folder}: {error.strerror or error}; choose another --out") from None
+
+
+def _one(schedule: Schedule, number: int, folder: Path, *, quiet: bool) -> tuple[str, float]:
+    name, start = f"{schedule.name} set {number}", time.monotonic()
+
+    def report(period: str, done: int, total: int) -> None:
+        if done == total or done % max(250, total // 5 // 250 * 250) == 0:
+            note(f"{name}: period {period}, {done} of {total} trials", quiet=quiet)
+
+    _write(folder, run_set(schedule, number, report))
+    return name, time.monotonic() - start
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let processes that start in the block do linear algebra with one thread, as its last bits depend on how many."""
+    names = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@click.command()
+@click.argument("recipes", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECIPE.toml...")
+@click.option("--sets", type=click.IntRange(min=1), default=10, show_default=True, help="Of each method.")
+@click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True, help="Sets at the same time.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("runs/chapter3"),
+    show_default=True,
+    help="Folder of the results: one folder a method, with one folder a set.",
+)
+@click.option("--set", "changes", multiple=True, metavar="KEY=VALUE", help="Replace a setting, such as trials=1000.")
+@click.option("--quiet", "-q", is_flag=True, help="Show no progress.")
+def main(
+    *, recipes: tuple[Path, ...], sets: int, workers: int, out: Path, changes: tuple[str, ...], quiet: bool
+) -> None:
+    """Run SETS sets of each method; sets that are finished stay as they are."""
+    tasks = []
+    try:
+        for path in recipes:
+            schedule = read_schedule(path, changes)
+            _prepare(out / schedule.name, schedule)
+            folders = [(number, out / schedule.name / f"set-{number:02d}") for number in range(sets)]
+            tasks += [(schedule, number, folder) for number, folder in folders if not folder.exists()]
+        note(f"{len(tasks)} sets to run, {len(recipes) * sets - len(tasks)} are finished", quiet=quiet)
+        if tasks and not is_compiled(run_pair):
+            note("Compiling the trials for this machine, once: a minute or two ...", quiet=quiet)
+        with _one_thread_each(), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+            jobs = [pool.submit(_one, *task, quiet=quiet) for task in tasks]
+            for done, job in enumerate(as_completed(jobs), start=1):
+                name, seconds = job.result()
+                note(f"{name} finished after {duration(seconds)} ({done} of {len(tasks)})", quiet=quiet)
+    except InputError as error:
+        raise click.ClickException(str(error)) from None
+    click.echo(f"Written: {out}; now 'python -m analysis.chapter3 {out}'")
+
+
+if __name__ == "__main__":
+    main()

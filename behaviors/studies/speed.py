@@ -1,0 +1,117 @@
+"""How fast learning is on this machine, beside the pure physics of as many steps.
+
+    python -m behaviors.studies.speed
+
+A trial of learning is physics, camera, state estimate, table and update. The ratio to physics holds on any machine; the
+times are this one's.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import click
+import numpy as np
+
+from behaviors.alone.experience import make_models
+from behaviors.alone.scene import blank_skill, make_scene
+from behaviors.alone.trials import LEARNED, run_trials
+from behaviors.pair.agents import PERIODS
+from behaviors.pair.data import LEARNING, STATIONARY
+from behaviors.pair.recipe import read_schedule
+from behaviors.pair.schedule import Schooling
+from behaviors.recipe import installed_recipes, read_recipe
+from behaviors.tabular.decisions import make_decisions
+from behaviors.tabular.qlearning import make_learner
+from behaviors.tabular.table import make_table
+from coevo.config import WorldSettings
+from coevo.console import note, table
+from coevo.soccer.drive import action_set
+from coevo.soccer.physics import physics_params, replay
+from coevo.soccer.rng import game_seed
+from coevo.soccer.world import World
+
+__all__ = ["main", "physics_seconds"]
+
+_SCHEDULE = Path("runs") / "chapter3" / "schedule.toml"
+_HELD = 10  # steps a random primitive is held while pure physics is timed
+_AT_ONCE = 900
+_STREAM = 9  # of the random seeds of the pair's trials
+
+
+def physics_seconds(world: WorldSettings, robots: int, steps: int) -> float:
+    """Return how long the physics of so many steps takes: nothing but robots that act at random."""
+    rng = np.random.default_rng(0)
+    commands = action_set(world.robot).commands
+    start = np.zeros((robots + 1, 6))
+    start[:, 0] = np.linspace(0.3, 0.6, robots + 1) * world.field.length_m
+    start[:, 1] = 0.5 * world.field.width_m
+    room, handles = World(world, robots), physics_params(world)
+    states, seconds = np.empty((_AT_ONCE, robots + 1, 6)), 0.0
+    for _ in range(0, steps, _AT_ONCE):
+        chosen = rng.integers(len(commands), size=(_AT_ONCE // _HELD, robots)).repeat(_HELD, axis=0)
+        began = time.perf_counter()
+        replay(room.handles, handles, start, commands[chosen], states)
+        seconds += time.perf_counter() - began
+    return seconds * steps / (-(-steps // _AT_ONCE) * _AT_ONCE)
+
+
+def _alone(name: str, trials: int) -> tuple[WorldSettings, int, float, int]:
+    """Return the world of a skill, its robots, the seconds of learning in so many trials, and their steps."""
+    recipe = read_recipe(name)
+    skill = blank_skill(recipe, make_models(recipe, recipe.seed))
+    scene, learner = make_scene(recipe, skill), make_learner(recipe.learning)
+    values, decisions = make_table(*skill.values.shape), make_decisions(recipe.time_limit_steps)
+
+    def run(count: int) -> tuple[float, int]:
+        outcomes, steps = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        seeds = np.array([game_seed(recipe.seed, n) for n in range(count)], np.uint64)
+        began = time.perf_counter()
+        run_trials(scene, learner, True, LEARNED, 0, trials, seeds, values, decisions, outcomes, steps)
+        return time.perf_counter() - began, int(steps.sum())
+
+    run(1)  # compiles what is not compiled yet
+    return recipe.world, scene.task.robots, *run(trials)
+
+
+def _pair(roles: tuple[int, int], trials: int) -> tuple[WorldSettings, int, float, int]:
+    """Return the same of the two robots of chapter 3 in these roles."""
+    schedule = read_schedule(_SCHEDULE, ["store.report_orders=false", "trials=1"])
+    one = Schooling(schedule, schedule.seed)
+    one.learn(PERIODS["scheduled"][:2])  # so that both have models
+    duty = PERIODS["simultaneous"][0].duties[0]
+    for agent in one.agents:
+        agent.values = None
+    pair = one.pair(roles, [one.table(agent, duty) for agent in one.agents])
+    began = time.perf_counter()
+    found = one.run(pair, (_STREAM,), trials, total=trials)
+    return schedule.world, 2, time.perf_counter() - began, int(found.steps.sum())
+
+
+@click.command()
+@click.option("--trials", default=5000, show_default=True, help="Of each learning; exploration falls within them.")
+def main(*, trials: int) -> None:
+    """Time trials of learning, and the physics of as many steps alone."""
+    note("Compiling what is not compiled yet for this machine ...")
+    runs: list[tuple[str, Callable[[], tuple[WorldSettings, int, float, int]]]] = [
+        *((name, partial(_alone, name, trials)) for name in installed_recipes()),
+        ("chapter 3, period A", partial(_pair, (LEARNING, STATIONARY), trials)),
+        ("chapter 3, both learn", partial(_pair, (LEARNING, LEARNING), trials)),
+    ]
+    rows = []
+    for label, run in runs:
+        world, robots, seconds, steps = run()
+        physics = physics_seconds(world, robots, steps)
+        rate, micro = trials / seconds, 1e6 / steps
+        cells = f"{rate:.0f}", f"{25_000 / rate:.0f}", f"{steps / trials:.0f}", f"{seconds * micro:.2f}"
+        rows.append([label, *cells, f"{physics * micro:.2f}", f"{seconds / physics:.2f}"])
+        note(f"{label} timed")
+    header = ["learning", "trials/s", "25,000 trials [s]", "steps a trial", "us a step", "physics alone", "ratio"]
+    click.echo(table(header, rows))
+
+
+if __name__ == "__main__":
+    main()

@@ -130,7 +130,8 @@ def _prepare(folder: Path, schedule: Schedule) -> None:
         raise InputError(f"cannot write into {folder}: {error.strerror or error}; choose another --out") from None
 
 
-def _one(schedule: Schedule, number: int, folder: Path, *, quiet: bool) -> tuple[str, float]:
+def _one(schedule: Schedule, number: int, folder: Path, *, quiet: bool) -> float:
+    """Run a set and write its folder; return the seconds that took."""
     name, start = f"{schedule.name} set {number}", time.monotonic()
 
     def report(period: str, done: int, total: int) -> None:
@@ -138,7 +139,7 @@ def _one(schedule: Schedule, number: int, folder: Path, *, quiet: bool) -> tuple
             note(f"{name}: period {period}, {done} of {total} trials", quiet=quiet)
 
     _write(folder, run_set(schedule, number, report))
-    return name, time.monotonic() - start
+    return time.monotonic() - start
 
 
 @contextmanager
@@ -174,7 +175,7 @@ def main(
     *, recipes: tuple[Path, ...], sets: int, workers: int, out: Path, changes: tuple[str, ...], quiet: bool
 ) -> None:
     """Run SETS sets of each method; sets that are finished stay as they are."""
-    tasks = []
+    tasks, failed = [], []
     try:
         for path in recipes:
             schedule = read_schedule(path, changes)
@@ -185,12 +186,19 @@ def main(
         if tasks and not is_compiled(run_pair):
             note("Compiling the trials for this machine, once: a minute or two ...", quiet=quiet)
         with _one_thread_each(), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-            jobs = [pool.submit(_one, *task, quiet=quiet) for task in tasks]
+            jobs = {pool.submit(_one, *task, quiet=quiet): f"{task[0].name} set {task[1]}" for task in tasks}
             for done, job in enumerate(as_completed(jobs), start=1):
-                name, seconds = job.result()
-                note(f"{name} finished after {duration(seconds)} ({done} of {len(tasks)})", quiet=quiet)
+                try:
+                    seconds = job.result()
+                except InputError as error:  # the other sets may be worth hours
+                    failed.append(f"{jobs[job]}: {error}")
+                    note(f"failed: {failed[-1]}", quiet=quiet)
+                else:
+                    note(f"{jobs[job]} finished after {duration(seconds)} ({done} of {len(tasks)})", quiet=quiet)
     except InputError as error:
         raise click.ClickException(str(error)) from None
+    if failed:
+        raise click.ClickException("these sets failed, the others are written:\n" + "\n".join(failed))
     click.echo(f"Written: {out}; now 'python -m analysis.chapter3 {out}'")
 
 

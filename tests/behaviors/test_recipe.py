@@ -181,7 +181,7 @@ def test_the_recipes_of_the_four_skills_are_installed():
 
 def test_a_schedule_is_no_recipe_of_a_skill_nor_the_other_way_round():
     folder = Path(__file__).parents[2] / "runs" / "chapter3"
-    with pytest.raises(InputError, match=r"schedule\.toml is a schedule .*python -m behaviors\.chapter3"):
+    with pytest.raises(InputError, match=r"schedule\.toml is a schedule .*python -m behaviors\.studies\.chapter3"):
         read_recipe(str(folder / "schedule.toml"))
     with pytest.raises(InputError, match=r"literal-shoot\.toml is the recipe of a skill.*coevo learn"):
         read_schedule(folder / "literal-shoot.toml")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -106,6 +107,11 @@ def test_a_set_says_what_its_rows_say(finished):
         assert numbers["trials"] == len(mine)
         assert numbers["passing"] == pytest.approx(np.mean([int(row["passes"]) > 0 for row in mine]))
         assert numbers["shooting"] == pytest.approx(np.mean([row["end"] == "1" for row in mine]))
+    assert {row["nearer"] for row in rows} == {"passer", "shooter"}
+    after = told["after"]
+    parts = after["nearer"].values()
+    assert sum(part["games"] for part in parts) == after["games"] == 20
+    assert sum(part["games"] * part["passing"] for part in parts) == pytest.approx(20 * after["passing"])
     assert {row["period"] for row in told["models"]} == set("ABCDF")
     for name, states in told["states"].items():
         assert len(load_skill(folder / f"{name}.npz").values) == states
@@ -121,6 +127,16 @@ def test_finished_sets_are_not_run_again(finished, tmp_path):
     assert other.exit_code == 1
     assert "holds sets of other settings" in other.output
     assert tmp_path.exists()
+
+
+def test_a_set_that_fails_is_told_and_leaves_the_others(finished, tmp_path):
+    shutil.copytree(finished / "schedule" / "set-00", tmp_path / "schedule" / "set-00")
+    result = run(tmp_path, "--sets", "2", "--set", "store.least_windows=2990")
+    assert result.exit_code == 1
+    assert "failed: schedule set 1: schedule: random actions brought" in result.output
+    assert "raise store.steps, or lower store.least_windows" in result.output
+    assert "Traceback" not in result.output
+    assert [path.name for path in (tmp_path / "schedule").glob("set-*")] == ["set-00"]
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ def test_history_of_the_rule_is_where_the_norms_stop_falling(record, future) -> 
     assert np.all((found > 0.0) & (found < 3.0))  # at most the trace
     scaled = [(u, 1e3 * y + 7.0) for u, y in segments]
     np.testing.assert_allclose(norms(scaled, future, 5), found)
-    model = identify(segments, future_inputs=future)
+    model = identify(segments, future_inputs=future, history_rule="gain")
     assert model.history_length == int(np.argmax(found[1:] > 0.95 * found[:-1])) + 1
 
 
@@ -42,8 +42,8 @@ def test_table_of_a_small_study(tmp_path) -> None:
     options = ["--noise", "0", "--noise", "2", "--seeds", "1", "--windows", "1000", "--out", str(out)]
     result = CliRunner().invoke(main, options, catch_exceptions=False)
     told = json.loads(out.read_text(encoding="utf-8"))
-    assert len(told) == 3 * 3 * 2 * 2  # objects, sights, future inputs, rules
+    assert len(told) == 3 * 3 * 2 * 3  # objects, sights, future inputs, rules
     assert {one["sight"] for one in told} == {"0 px", "whole pixels", "2 px"}
     assert all(1 <= one["order"] <= len(one["contribution"]) for one in told)
     assert all(0.0 < one["relative_error"] < 2.0 for one in told)
-    assert len([line for line in result.stdout.splitlines() if line.startswith("ball")]) == 12
+    assert len([line for line in result.stdout.splitlines() if line.startswith("ball")]) == 18

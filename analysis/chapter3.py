@@ -27,6 +27,7 @@ __all__ = ["Method", "main", "read_methods"]
 
 _SUCCESS, _COLLISION = 1, 3  # how a trial ends, in trials.csv: a goal of the shooter, a collision
 _BLOCKS = 100  # of Fig. 3.10, over all trials in simulation
+_PROPOSED = "schedule"  # the method that others are compared with
 _KEYS = ("passing", "shooting", "collisions")
 _TRUTH = {  # Table 3.2: orders and histories, simulation, simulation, real
     ("shooter", "opponent_goal"): ("2 2 3", "1 1 1"),
@@ -87,12 +88,12 @@ def read_methods(folder: Path) -> list[Method]:
     return methods
 
 
-def _interval(values: Sequence[float], *, most: float = np.inf) -> str:
-    """Return the mean over sets with its interval, cut at 0 and at the most that it can be; nothing of no set."""
+def _interval(values: Sequence[float], *, least: float = 0.0, most: float = np.inf) -> str:
+    """Return the mean over sets with its interval, cut at what it can be; nothing of no set."""
     if not len(values):
         return ""
     mean, low, high = mean_interval(values)
-    return f"{mean:.3f}" + (f" [{max(0.0, low):.3f}, {min(most, high):.3f}]" if len(values) > 1 else "")
+    return f"{mean:.3f}" + (f" [{max(least, low):.3f}, {min(most, high):.3f}]" if len(values) > 1 else "")
 
 
 def _successes(trials: NDArray[np.int64]) -> dict[str, NDArray[np.bool_]]:
@@ -171,6 +172,21 @@ def afterwards(methods: Sequence[Method]) -> Report:
             shares = [_interval([one[key] for one in measured], most=1.0) for key in _KEYS]
             rows.append([method.name, str(len(measured)), nearer, *shares])
     return {"afterwards": (["method", "sets", "nearer to the ball", *_KEYS], rows)}
+
+
+def differences(methods: Sequence[Method]) -> Report:
+    """Return by how much the proposed method is above each other one after the last period.
+
+    Sets of one number have the same starts in all methods, so differences are taken within them.
+    """
+    mine = {one["set"]: one["after"] for method in methods if method.name == _PROPOSED for one in method.summaries}
+    rows: Rows = []
+    for method in methods:
+        pairs = [(mine[one["set"]], one["after"]) for one in method.summaries if one["set"] in mine]
+        if method.name != _PROPOSED and pairs:
+            above = [_interval([one[key] - other[key] for one, other in pairs], least=-1.0) for key in _KEYS]
+            rows.append([f"{_PROPOSED} - {method.name}", str(len(pairs)), *above])
+    return {"differences": (["methods", "sets", *_KEYS], rows)}
 
 
 def periods(methods: Sequence[Method]) -> Report:
@@ -281,7 +297,14 @@ def main(*, folder: Path, out: Path | None) -> None:
     methods = read_methods(folder)
     out = out or folder / "report"
     out.mkdir(parents=True, exist_ok=True)
-    shown = periods(methods) | afterwards(methods) | other_world(methods) | orders(methods) | prediction(methods)
+    shown = (
+        periods(methods)
+        | afterwards(methods)
+        | differences(methods)
+        | other_world(methods)
+        | orders(methods)
+        | prediction(methods)
+    )
     for name, (header, rows) in (shown | _curve_rows(methods)).items():
         with (out / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows([header, *rows])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -41,6 +42,7 @@ def folder(tmp_path):
             "chosen_order": 4 + number,
         }
         summary = {
+            "set": number,
             "after": {
                 "passing": share,
                 "shooting": 0.5,
@@ -93,6 +95,22 @@ def test_what_came_after_is_told_by_who_was_nearer_to_the_ball(folder):
     assert found["passer"]["passing"] == "1.000 [1.000, 1.000]"
     assert (found["passer"]["sets"], found["shooter"]["sets"]) == ("3", "0")
     assert found["shooter"]["passing"] == ""
+
+
+def test_methods_are_compared_within_sets_of_one_number(folder):
+    for number, share in enumerate(PASSING[:2]):
+        path = folder / "previous" / f"set-{number:02d}"
+        shutil.copytree(folder / "schedule" / f"set-{number:02d}", path)
+        summary = json.loads((path / "set.json").read_text())
+        summary["after"]["passing"] = share - 0.1 * (1 + number)
+        (path / "set.json").write_text(json.dumps(summary))
+    (folder / "previous" / "settings.json").write_text("{}")
+    assert CliRunner().invoke(main, [str(folder)]).exit_code == 0
+    (row,) = rows(folder / "report" / "differences.csv")
+    low, high = stats.t.interval(0.95, 1, 0.15, stats.sem([0.1, 0.2]))
+    assert (row["methods"], row["sets"]) == ("schedule - previous", "2")
+    assert row["passing"] == f"0.150 [{low:.3f}, {high:.3f}]"
+    assert row["shooting"] == "0.000 [0.000, 0.000]"
 
 
 def test_the_last_tenth_of_a_period_says_where_learning_has_come_to(folder):

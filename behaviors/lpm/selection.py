@@ -124,7 +124,7 @@ def by_norm(signals: Signals, how: Analysis, order: int | None, threshold: float
     for candidate, norm in _lengthened(signals, how, order, threshold):
         length, windows = candidate.history_length, len(candidate.states)
         # A longer history shrinks R in sample by fitting the noise: undo that as for a regression on all of it.
-        norms[length] = norm * windows / (windows - length * (m + q) - m)
+        norms[length] = norm * windows / max(windows - length * (m + q) - m, 1)
         if norm <= max(threshold or 0.0, RELATIVE_CUTOFF):
             return candidate
     shortest = min(length for length, norm in norms.items() if norm <= (1.0 + _TOLERANCE) * min(norms.values()))

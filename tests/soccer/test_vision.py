@@ -12,6 +12,7 @@ import pytest
 
 from coevo.config import CameraSettings, WorldSettings
 from coevo.errors import InputError
+from coevo.soccer import vision
 from coevo.soccer.camera import (
     BALL,
     FEATURES,
@@ -243,3 +244,11 @@ def test_what_cannot_be_painted_or_measured_is_refused():
         extract(render(WORLD, state, 0), WORLD, 7, 0, 0)
     with pytest.raises(InputError, match="uint8"):
         extract(np.zeros((60, 64), np.uint8), WORLD, 4, 0, 0)
+
+
+def test_a_side_that_shrinks_to_a_point_is_not_painted():
+    tiny = 0.7 * vision._TINY
+    points = np.array([[3.0, 3.0], [3.0 + tiny, 3.0], [3.0 + 2.0 * tiny, 3.0]])  # each next one is the same point
+    assert vision._shrink(points).shape == (0, 2)
+    apart = vision._shrink(np.array([[3.0, 3.0], [30.0, 3.0], [30.0, 20.0], [3.0, 20.0]]))
+    np.testing.assert_allclose(apart, [[3.5, 3.5], [29.5, 3.5], [29.5, 19.5], [3.5, 19.5]])

@@ -138,6 +138,10 @@ def other_world(methods: Sequence[Method]) -> Report:
                 shares = [{key: float(v.mean()) for key, v in _successes(t).items()} for t in of_period]
                 found = [_interval([one[key] for one in shares], most=1.0) for key in _KEYS]
                 rows.append([method.name, period, f"{len(of_period[0])}", *found])
+        told = [one["periods"] for one in method.summaries if {"E", "F"} <= set(one.get("periods", {}))]
+        if told:
+            gains = [_interval([one["F"][key] - one["E"][key] for one in told], least=-1.0, most=1.0) for key in _KEYS]
+            rows.append([method.name, "F - E", "", *gains])
     real = [["dissertation", p, "", *(told[key] for key in _KEYS)] for p, told in _REAL.items()]
     return {"table-3-3": (["method", "period", "trials a set", *_KEYS], rows + real)}
 

@@ -28,7 +28,7 @@ from coevo.soccer.rng import below, uniform
 __all__ = ["STRAY_GOAL", "act", "begin_trial", "end_trial", "run_pair", "take_in"]
 
 STRAY_GOAL = 4  # how a trial ends, besides those of behaviors.alone.task: a goal that the shooter did not touch last
-_TRIES = 10_000_000  # of drawing a start; an easy one of the shooter takes some 10,000, and now and then far more
+_TRIES = 10_000_000  # of drawing a start; for the easy ones of the shooter 100,000 were too few in one set of ten
 
 
 @helper

@@ -16,6 +16,7 @@ from analysis._figure import Line, line_chart
 from analysis.chapter3 import main, read_methods
 
 PASSING = (0.2, 0.4, 0.9)  # of each set, in period E
+GAINS = (("E", 1.0), ("F", 1.5))  # times that
 
 
 def rows(path):
@@ -43,6 +44,7 @@ def folder(tmp_path):
         }
         summary = {
             "set": number,
+            "periods": {name: {"passing": gain * share, "shooting": 0.5, "collisions": 0.0} for name, gain in GAINS},
             "after": {
                 "passing": share,
                 "shooting": 0.5,
@@ -69,6 +71,10 @@ def test_tables_hold_means_and_student_s_intervals_over_sets(folder):
     assert high > 1.0
     assert row["passing"] == f"{np.mean(PASSING):.3f} [0.000, 1.000]"
     assert (row["method"], row["period"], row["trials a set"]) == ("schedule", "E", "10")
+    gain = rows(folder / "report" / "table-3-3.csv")[1]
+    gains = 0.5 * np.array(PASSING)
+    low, high = stats.t.interval(0.95, len(gains) - 1, gains.mean(), stats.sem(gains))
+    assert (gain["period"], gain["passing"]) == ("F - E", f"{gains.mean():.3f} [{low:.3f}, {high:.3f}]")
     error = rows(folder / "report" / "figure-3-8.csv")[0]
     low, high = stats.t.interval(0.95, 2, 2.0, stats.sem([1.0, 2.0, 3.0]))
     assert error["error of y [px]"] == f"2.000 [{max(0.0, low):.3f}, {high:.3f}]"

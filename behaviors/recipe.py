@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
-from msgspec import UNSET, Meta, Struct, UnsetType
+from msgspec import UNSET, Meta, UnsetType
 
 from behaviors.raw import RAW_COMPONENTS
-from coevo.config import NonNegative, Positive, Share, WorldSettings, check, read_toml
+from coevo.config import NonNegative, Positive, Settings, Share, WorldSettings, check, read_toml
 from coevo.errors import InputError, nearest_name
 
 __all__ = [
@@ -37,11 +37,7 @@ _YOUNGER = ("estimator", "lost_states", "update", "discount_per", "storage")
 _PRETRAINED = Path(__file__).parent / "pretrained"
 
 
-class _Settings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Base of all settings: frozen, by keyword only, no unknown keys."""
-
-
-class ModelSettings(_Settings, frozen=True, kw_only=True):
+class ModelSettings(Settings, frozen=True, kw_only=True):
     """How the state of one object is estimated: by a local prediction model, or from its features in one image."""
 
     kind: Literal["ball", "own_goal", "opponent_goal", "mate", "robot"]
@@ -72,7 +68,7 @@ class ModelSettings(_Settings, frozen=True, kw_only=True):
                 )
 
 
-class ExperienceSettings(_Settings, frozen=True, kw_only=True):
+class ExperienceSettings(Settings, frozen=True, kw_only=True):
     """Random actions from which the models are identified."""
 
     windows: Annotated[int, Meta(ge=100, le=1_000_000)] = 5000  # steps in view of each object
@@ -82,14 +78,14 @@ class ExperienceSettings(_Settings, frozen=True, kw_only=True):
     future_inputs: Literal["keep", "project"] = "keep"
 
 
-class ActionSettings(_Settings, frozen=True, kw_only=True):
+class ActionSettings(Settings, frozen=True, kw_only=True):
     """An action repeats a primitive until the state changes (3.3.1), within these limits."""
 
     min_steps: Annotated[int, Meta(ge=1, le=900)] = 5
     max_steps: Annotated[int, Meta(ge=1, le=900)] = 30
 
 
-class LearningSettings(_Settings, frozen=True, kw_only=True):
+class LearningSettings(Settings, frozen=True, kw_only=True):
     """Tabular Q learning: with lambda-returns, backwards at the end of a trial, or a step at a time as in (B.2)."""
 
     update: Literal["lambda-returns", "one-step"] = "lambda-returns"  # one-step: (B.2), after each decision
@@ -111,7 +107,7 @@ class LearningSettings(_Settings, frozen=True, kw_only=True):
     check_from: Share = 0.3  # share of the trials before the first check
 
 
-class MoverSettings(_Settings, frozen=True, kw_only=True):
+class MoverSettings(Settings, frozen=True, kw_only=True):
     """What the other robot does."""
 
     kind: Literal["none", "standing", "random", "chaser"] = "none"
@@ -120,7 +116,7 @@ class MoverSettings(_Settings, frozen=True, kw_only=True):
     chaser_speed: Share = 0.3
 
 
-class CoordinationSettings(_Settings, frozen=True, kw_only=True):
+class CoordinationSettings(Settings, frozen=True, kw_only=True):
     """One skill from several that are learned already (appendix B.2); see behaviors.coordination.areas."""
 
     skills: Annotated[tuple[str, ...], Meta(min_length=2, max_length=4)]  # installed names, or paths of skill files
@@ -135,7 +131,7 @@ class CoordinationSettings(_Settings, frozen=True, kw_only=True):
     steps_trials: Annotated[int, Meta(ge=1, le=1_000_000)] = 5000  # from which the steps to a goal are estimated
 
 
-class Recipe(_Settings, frozen=True, kw_only=True):
+class Recipe(Settings, frozen=True, kw_only=True):
     """One skill, from nothing or, with ``coordination``, from skills that are there."""
 
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]  # a part of the folder's name

@@ -13,6 +13,7 @@ from behaviors.recipe import ActionSettings, ExperienceSettings, LearningSetting
 from coevo.config import (
     NonNegative,
     RobotSettings,
+    Settings,
     Share,
     StartSettings,
     WorldSettings,
@@ -25,11 +26,7 @@ from coevo.errors import InputError
 __all__ = ["LearnerSettings", "Schedule", "StoreSettings", "TransferSettings", "read_schedule", "transfer_world"]
 
 
-class _Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Base of all settings: frozen, by keyword only, no unknown keys."""
-
-
-class LearnerSettings(_Settings, frozen=True, kw_only=True):
+class LearnerSettings(Settings, frozen=True, kw_only=True):
     """One of the two robots."""
 
     objects: Annotated[tuple[ModelSettings, ...], Meta(min_length=1, max_length=4)]  # of its state
@@ -46,7 +43,7 @@ class LearnerSettings(_Settings, frozen=True, kw_only=True):
             raise ValueError(f"action.min_steps must be at most max_steps, got {self.action.min_steps}")
 
 
-class StoreSettings(_Settings, frozen=True, kw_only=True):
+class StoreSettings(Settings, frozen=True, kw_only=True):
     """The latest experience of a robot, from which its models are identified again."""
 
     steps: Annotated[int, Meta(ge=100, le=5_000_000)] = 20_000  # N_all of (3.5), of each robot
@@ -54,7 +51,7 @@ class StoreSettings(_Settings, frozen=True, kw_only=True):
     report_orders: bool = True  # find the orders of 3.2.3 and (3.6) too, for Table 3.2; they are not used
 
 
-class PairStarts(_Settings, frozen=True, kw_only=True):
+class PairStarts(Settings, frozen=True, kw_only=True):
     """Where trials start: uniform in rectangles."""
 
     in_view: bool = True  # the passer sees ball and shooter, the shooter ball and goal
@@ -66,7 +63,7 @@ class PairStarts(_Settings, frozen=True, kw_only=True):
     shooter: StartSettings = StartSettings(x_m=(1.5, 7.4), y_m=(0.4, 4.175), spread_deg=60.0)
 
 
-class TransferSettings(_Settings, frozen=True, kw_only=True):
+class TransferSettings(Settings, frozen=True, kw_only=True):
     """Periods E and F: another world, which stands in for the real robots."""
 
     trials_e: Annotated[int, Meta(ge=0, le=100_000)] = 100  # [T] 0: no transfer
@@ -89,7 +86,7 @@ class TransferSettings(_Settings, frozen=True, kw_only=True):
             raise ValueError(f"supersample must be odd, got {self.supersample}")
 
 
-class Schedule(_Settings, frozen=True, kw_only=True):
+class Schedule(Settings, frozen=True, kw_only=True):
     """One method: how a passer and a shooter learn, from nothing to the other world."""
 
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]

@@ -1,0 +1,66 @@
+"""Settings: typed, frozen, and checked on the way in.
+
+Every number of the world and of the experiments stands here once, with its unit in its name and its source in
+its description. ``[T]`` marks a value stated in Uchibe (1999), ``[S]`` one from the RoboCup rules of 1997/98,
+``[C]`` a free choice of ours where the text is silent.
+"""
+
+from coevo.config.experiment import (
+    CategorySettings,
+    EvaluationSettings,
+    FitnessSettings,
+    FitnessWeights,
+    GameSettings,
+    GPSettings,
+    PlayerSettings,
+    RunSettings,
+    SkillSettings,
+)
+from coevo.config.reader import (
+    NonNegative,
+    Positive,
+    Range,
+    Settings,
+    Share,
+    check,
+    override,
+    read_toml,
+    to_toml,
+)
+from coevo.config.world import (
+    BallSettings,
+    CameraSettings,
+    FieldSettings,
+    PhysicsSettings,
+    RobotSettings,
+    StartSettings,
+    WorldSettings,
+)
+
+__all__ = [
+    "BallSettings",
+    "CameraSettings",
+    "CategorySettings",
+    "EvaluationSettings",
+    "FieldSettings",
+    "FitnessSettings",
+    "FitnessWeights",
+    "GPSettings",
+    "GameSettings",
+    "NonNegative",
+    "PhysicsSettings",
+    "PlayerSettings",
+    "Positive",
+    "Range",
+    "RobotSettings",
+    "RunSettings",
+    "Settings",
+    "Share",
+    "SkillSettings",
+    "StartSettings",
+    "WorldSettings",
+    "check",
+    "override",
+    "read_toml",
+    "to_toml",
+]

@@ -1,0 +1,149 @@
+"""Settings of an experiment: who plays, how games end, how trees are bred, and what they are worth."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from coevo.config.reader import NonNegative, Positive, Settings, Share
+from coevo.config.world import StartSettings, WorldSettings
+
+__all__ = [
+    "CategorySettings",
+    "EvaluationSettings",
+    "FitnessSettings",
+    "FitnessWeights",
+    "GPSettings",
+    "GameSettings",
+    "PlayerSettings",
+    "RunSettings",
+    "SkillSettings",
+]
+
+
+class PlayerSettings(Settings, frozen=True, kw_only=True):
+    """One robot of a game; robots are named r0, r1, ... in their order."""
+
+    team: Annotated[int, Meta(ge=0, le=1)] = 0  # team 0 attacks the goal at x = length, team 1 the one at x = 0
+    control: Literal["evolve", "stationary"] = "evolve"
+    start: StartSettings
+
+
+class GameSettings(Settings, frozen=True, kw_only=True):
+    """When a game ends and what counts as a pass and a collision."""
+
+    time_limit_steps: Annotated[int, Meta(ge=1, le=100_000)] = 1000  # [C] a game ends with a goal or with time [T]
+    pass_window_s: NonNegative = 3.0  # [C] "in a short time"
+    collision_release_m: NonNegative = 0.02  # [C] robots must part by this before a new collision counts
+    ball_start: StartSettings
+
+
+class CategorySettings(Settings, frozen=True, kw_only=True):
+    """Limits of the image categories of Table 6.1.
+
+    The limits of area are about terciles over the visible samples of random play in the presets, which
+    'python -m analysis.categories' measures.
+    """
+
+    left_below_px: Positive = 64.0 / 3.0  # [C] thirds of the image
+    right_from_px: Positive = 128.0 / 3.0
+    ball_small_below_px: NonNegative = 20.0
+    ball_large_from_px: NonNegative = 60.0
+    goal_small_below_px: NonNegative = 35.0
+    goal_large_from_px: NonNegative = 80.0
+    robot_small_below_px: NonNegative = 25.0
+    robot_large_from_px: NonNegative = 65.0
+
+
+class SkillSettings(Settings, frozen=True, kw_only=True):
+    """The terminals: for each the name of an installed skill, or the path of a skill file."""
+
+    shoot: str = "shoot"
+    pass_: str = msgspec.field(default="pass", name="pass")
+    avoid: str = "avoid"
+    search: str = "search"
+
+
+class GPSettings(Settings, frozen=True, kw_only=True):
+    """Genetic programming, Table 6.3."""
+
+    population: Annotated[int, Meta(ge=2, le=100_000)] = 80  # [T] for each robot
+    generations: Annotated[int, Meta(ge=1, le=100_000)] = 60  # [T] the print lost a digit: "?0"
+    tournament: Annotated[int, Meta(ge=1, le=1000)] = 10  # [T]
+    crossover: Share = 0.85  # [T] lost in print; reproduction and mutation leave 85 %
+    reproduction: Share = 0.05  # [T]
+    mutation: Share = 0.10  # [T]
+    elite: Annotated[int, Meta(ge=0, le=100)] = 1  # [T] the best survives
+    creation_depth_min: Annotated[int, Meta(ge=0, le=14)] = 2  # [C] ramped half and half
+    creation_depth_max: Annotated[int, Meta(ge=0, le=14)] = 10  # [T]
+    crossover_depth_max: Annotated[int, Meta(ge=1, le=90)] = 25  # [T] mutation may exceed it, as Table 6.4 shows
+    mutation_depth_max: Annotated[int, Meta(ge=0, le=14)] = 5  # [C] grown subtree
+    leaf_probability: Share = 0.1  # [C] of a crossover point, Koza (1992)
+
+    def __post_init__(self) -> None:
+        total = self.crossover + self.reproduction + self.mutation
+        if not math.isclose(total, 1.0, abs_tol=1e-9):
+            raise ValueError(f"crossover + reproduction + mutation must be 1, got {total:g}")
+        if self.creation_depth_min > self.creation_depth_max:
+            raise ValueError(f"creation_depth_min must be at most creation_depth_max, got {self.creation_depth_min}")
+        if self.elite >= self.population:
+            raise ValueError(f"elite must be smaller than population {self.population}, got {self.elite}")
+
+
+class FitnessWeights(Settings, frozen=True, kw_only=True):
+    """The constants of one fitness function, Table 6.2."""
+
+    alpha_g: NonNegative = 1.0  # goals missing
+    alpha_l: NonNegative  # lost goals
+    alpha_k: NonNegative  # kicks missing to beta
+    alpha_c: NonNegative  # collisions
+    alpha_s: NonNegative  # steps
+    beta: NonNegative = 4000.0  # [T] steps of contact that are enough; 200 a game
+
+
+class FitnessSettings(Settings, frozen=True, kw_only=True):
+    """Which fitness function, and the constants of both; smaller is better."""
+
+    kind: Literal["fixed", "varying"] = "fixed"
+    fixed: FitnessWeights = FitnessWeights(alpha_l=0.5, alpha_k=1e-3, alpha_c=5e-3, alpha_s=1e-4)  # [T]
+    varying: FitnessWeights = FitnessWeights(alpha_l=1.0, alpha_k=1e-2, alpha_c=1e-2, alpha_s=1e-2)  # [T]
+
+
+class EvaluationSettings(Settings, frozen=True, kw_only=True):
+    """How individuals meet."""
+
+    games: Annotated[int, Meta(ge=1, le=100_000)] = 20  # [T] a grouping
+    grouping: Literal["random"] = "random"  # [T] each individual plays in one grouping a generation
+
+
+class RunSettings(Settings, frozen=True, kw_only=True):
+    """A whole experiment: 'coevo evolve' takes exactly this."""
+
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")] = "run"  # a part of the run folder's name
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
+    world: WorldSettings = WorldSettings()
+    game: GameSettings
+    players: Annotated[tuple[PlayerSettings, ...], Meta(min_length=1, max_length=6)]
+    categories: CategorySettings = CategorySettings()
+    skills: SkillSettings = SkillSettings()
+    gp: GPSettings = GPSettings()
+    fitness: FitnessSettings = FitnessSettings()
+    evaluation: EvaluationSettings = EvaluationSettings()
+
+    def __post_init__(self) -> None:
+        if all(player.control != "evolve" for player in self.players):
+            raise ValueError('players: at least one must have control = "evolve"')
+        field = self.world.field
+        starts = [("game.ball_start", self.game.ball_start, self.world.ball.radius_m)]
+        starts += [(f"players.{i}.start", p.start, self.world.robot.radius_m) for i, p in enumerate(self.players)]
+        for name, start, radius in starts:
+            for axis, (low, high), size in (
+                ("x_m", start.x_m, field.length_m),
+                ("y_m", start.y_m, field.width_m),
+            ):
+                if low < radius or high > size - radius:
+                    limits = f"[{radius:g}, {size - radius:g}]"
+                    raise ValueError(f"{name}.{axis} must lie within {limits} on this field, got [{low:g}, {high:g}]")

@@ -1,0 +1,170 @@
+"""The one reader of settings: plain data, as TOML gives it, to typed and frozen settings, and back."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+import types
+import typing
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+import tomli_w
+from msgspec import Meta, Struct
+
+from coevo.errors import InputError, nearest_name
+
+__all__ = ["NonNegative", "Positive", "Range", "Settings", "Share", "check", "override", "read_toml", "to_toml"]
+
+_S = TypeVar("_S", bound=Struct)
+Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
+NonNegative = Annotated[float, Meta(ge=0.0, le=1e9)]
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+Range = tuple[float, float]
+
+
+class Settings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of all settings: frozen, by keyword only, no unknown keys."""
+
+
+def check(kind: type[_S], data: Mapping[str, Any], source: str) -> _S:
+    """Make settings of ``kind`` from plain data, as TOML gives it.
+
+    Raises:
+        InputError: a key is unknown (the nearest is offered), a value has the wrong type or is out of range.
+    """
+    _check_keys(kind, data, source, "")
+    try:
+        return msgspec.convert(dict(data), kind)
+    except msgspec.ValidationError as error:
+        text, _, where = str(error).partition(" - at `$.")
+        text = text.replace("Expected `object`", "expected a table").replace("Expected", "expected")
+        path = where.rstrip("`").replace("[", ".").replace("]", "").replace("...", "*")
+        came = _look_up(data, path)
+        if text.startswith("Invalid enum value"):
+            text = f"expected one of {', '.join(map(repr, _choices(kind, path)))}"
+        got = f", got {came!r}" if path and not isinstance(came, Mapping) and "got" not in text else ""
+        raise InputError(f"{source}: {path + ': ' if path else ''}{text.replace('`', '')}{got}") from None
+
+
+def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
+    if isinstance(data, float) and not math.isfinite(data):
+        raise InputError(f"{source}: {path}: expected a finite number, got {data}")
+    if isinstance(data, list | tuple):
+        item = next((a for a in _arguments(kind) if _is_settings(a)), None)
+        for index, value in enumerate(data):
+            _check_keys(item, value, source, f"{path}.{index}")
+    kind = next((a for a in [kind, *_arguments(kind)] if _is_settings(a)), None)
+    if kind is None or not isinstance(data, Mapping):
+        return
+    fields = {field.encode_name: field.type for field in msgspec.structs.fields(kind)}
+    for key, value in data.items():
+        here = f"{path}.{key}" if path else str(key)
+        if key not in fields:
+            known = nearest_name(str(key), fields) or f" Known here: {', '.join(fields)}."
+            raise InputError(f"{source}: unknown setting {here!r}.{known}")
+        _check_keys(fields[key], value, source, here)
+
+
+def _choices(kind: Any, path: str) -> list[Any]:
+    """Return what a setting with a closed list of values may be."""
+    for part in path.split("."):
+        inner = next((a for a in [kind, *_arguments(kind)] if _is_settings(a)), None)
+        if inner is not None and not part.isdigit():
+            kind = {field.encode_name: field.type for field in msgspec.structs.fields(inner)}.get(part)
+    return [choice for choice in _arguments(kind) if isinstance(choice, str)]
+
+
+def _is_settings(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Struct)
+
+
+def _arguments(kind: Any) -> list[Any]:
+    found: list[Any] = []
+    for argument in typing.get_args(kind):
+        found += [argument, *_arguments(argument)]
+    return found
+
+
+def _look_up(data: Any, path: str) -> Any:
+    for part in path.split("."):
+        if isinstance(data, Mapping):
+            data = data.get(part)
+        elif isinstance(data, list | tuple) and part.isdigit() and int(part) < len(data):
+            data = data[int(part)]
+    return data
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file; a missing or broken one is an InputError that says where."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise InputError(f"cannot read {path}: {reason}") from None
+    except ValueError as error:
+        raise InputError(f"{path} is not valid TOML: {error}") from None
+
+
+def to_toml(settings: Struct) -> str:
+    """Return every setting, resolved, as TOML that 'check' reads back to equal settings.
+
+    TOML has no word for None: such a setting is left out, and None is what it is then.
+    """
+    return tomli_w.dumps(_without_none(msgspec.to_builtins(settings)))
+
+
+def _without_none(data: Any) -> Any:
+    if isinstance(data, Mapping):
+        return {key: _without_none(value) for key, value in data.items() if value is not None}
+    if isinstance(data, list | tuple):
+        return [_without_none(value) for value in data]
+    return data
+
+
+def override(data: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, Any]:
+    """Return plain data with settings replaced, each given as ``dotted.key=value`` (the value as in TOML)."""
+    result = typing.cast("dict[str, Any]", _thaw(data))
+    for assignment in assignments:
+        key, equals, text = assignment.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"--set expects KEY=VALUE, such as gp.population=40; got {assignment!r}")
+        try:
+            value = tomllib.loads(f"value = {text}")["value"]
+        except ValueError:  # not TOML, or a number of thousands of digits: take it as text
+            value = text.strip()
+        *folders, last = key.strip().split(".")
+        node: Any = result
+        for folder in folders:
+            node = _step_into(node, folder, assignment)
+        if isinstance(node, list):
+            node[_index(node, last, assignment)] = value
+        elif isinstance(node, dict):
+            node[last] = value
+        else:
+            raise InputError(f"--set {assignment}: {'.'.join(folders)} is a single value and has no parts")
+    return result
+
+
+def _step_into(node: Any, part: str, assignment: str) -> Any:
+    if isinstance(node, list):
+        return node[_index(node, part, assignment)]
+    if isinstance(node, dict):
+        return node.setdefault(part, {})
+    raise InputError(f"--set {assignment}: {part!r} lies below a single value, which has no parts")
+
+
+def _index(items: list[Any], part: str, assignment: str) -> int:
+    if not part.isdigit() or int(part) >= len(items):
+        raise InputError(f"--set {assignment}: expected an index from 0 to {len(items) - 1}, got {part!r}")
+    return int(part)
+
+
+def _thaw(data: Any) -> Any:
+    if isinstance(data, Mapping | types.MappingProxyType):
+        return {key: _thaw(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_thaw(value) for value in data]
+    return data

@@ -1,9 +1,7 @@
-"""Tables 3.2 and 3.3 and Figs. 3.8 to 3.10 of the dissertation, from sets that behaviors.studies.chapter3 has run.
+"""Tables 3.2 and 3.3 and Figs. 3.8 to 3.10 of the dissertation, from sets that 'coevo reproduce chapter3' has run.
 
-    python -m analysis.chapter3 runs/chapter3
-
-reads every method's folder in it, prints the tables and writes them as CSV, and the figures as SVG and CSV, into
-``runs/chapter3/report``. Intervals are 95 % ones by Student's t over sets; with one set there is none.
+Every method's folder is read; the tables are printed and written as CSV, the figures as SVG and CSV, into ``report``.
+Intervals are 95 % ones by Student's t over sets; with one set there is none.
 """
 
 from __future__ import annotations
@@ -20,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis._figure import Line, line_chart
-from analysis._games import mean_interval
-from coevo.console import table
+from coevo.console import output_options, show, table
+from coevo.errors import InputError
+from coevo.statistics import mean_interval
 
-__all__ = ["Method", "main", "read_methods"]
+__all__ = ["Method", "read_methods", "report"]
 
 _SUCCESS, _COLLISION = 1, 3  # how a trial ends, in trials.csv: a goal of the shooter, a collision
 _BLOCKS = 100  # of Fig. 3.10, over all trials in simulation
@@ -66,7 +65,7 @@ def read_methods(folder: Path) -> list[Method]:
     """Read the sets of every method in a folder.
 
     Raises:
-        click.ClickException: there is none.
+        InputError: there is none.
     """
     methods = []
     for path in sorted(p.parent for p in folder.glob("*/settings.json")):
@@ -84,7 +83,7 @@ def read_methods(folder: Path) -> list[Method]:
             )
         )
     if not methods:
-        raise click.ClickException(f"{folder} holds no finished set; run 'python -m behaviors.studies.chapter3' first")
+        raise InputError(f"{folder} holds no finished set; run 'coevo reproduce chapter3' first")
     return methods
 
 
@@ -294,13 +293,18 @@ def _curve_rows(methods: Sequence[Method]) -> Report:
 
 
 @click.command()
-@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.argument("folder", default=Path("runs/chapter3"), type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), help="Where tables and figures go; by default FOLDER/report.")
-def main(*, folder: Path, out: Path | None) -> None:
-    """Make the tables and figures of chapter 3 from the sets in FOLDER."""
+@output_options
+def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> None:
+    """Make the tables and figures of chapter 3 from the sets in FOLDER, by default runs/chapter3.
+
+    \b
+    Example: coevo reproduce chapter3-report runs/short
+    """
+    del quiet  # it shows no progress
     methods = read_methods(folder)
     out = out or folder / "report"
-    out.mkdir(parents=True, exist_ok=True)
     shown = (
         periods(methods)
         | afterwards(methods)
@@ -309,15 +313,20 @@ def main(*, folder: Path, out: Path | None) -> None:
         | orders(methods)
         | prediction(methods)
     )
-    for name, (header, rows) in (shown | _curve_rows(methods)).items():
-        with (out / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([header, *rows])
-        if name in shown and rows:
-            click.echo(f"{name}\n{table(header, rows)}\n")
-    for name, picture in figures(methods).items():
-        (out / name).write_text(picture, encoding="utf-8")
-    click.echo(f"Written: {out}")
-
-
-if __name__ == "__main__":
-    main()
+    everything = shown | _curve_rows(methods)
+    texts = [f"{name}\n{table(header, rows)}\n" for name, (header, rows) in shown.items() if rows]
+    pictures = figures(methods)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for name, (header, rows) in everything.items():
+            with (out / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows([header, *rows])
+        for name, picture in pictures.items():
+            (out / name).write_text(picture, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write into {out}: {error.strerror or error}; choose another --out") from None
+    tables = {
+        name: [dict(zip(header, row, strict=True)) for row in rows] for name, (header, rows) in everything.items()
+    }
+    written = {"folder": str(out), "figures": sorted(pictures), "tables": tables}
+    show(written, "\n".join([*texts, f"Written: {out}"]), as_json=as_json)

@@ -1,7 +1,5 @@
 """Compare generations on games that evolution has not seen.
 
-    python -m analysis.unseen runs/two-learners-seed1 runs/two-learners-seed2 --games 1000
-
 For each run the best tree of each robot plays; a run counts once, so the interval over runs says what another seed
 would give. Against an opponent that evolves too, goals alone say little: the best teams of the first and the last
 generation then also meet each other's opponents.
@@ -10,17 +8,18 @@ generation then also meet each other's opponents.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
-import numpy as np
 
-from analysis._games import mean_interval, play
-from coevo.console import table
+from analysis.games import play
+from coevo.console import output_options, show, table
 from coevo.game import Arena
 from coevo.run import Run, open_run
+from coevo.statistics import mean_interval
 from coevo.tree import Tree
 
-__all__ = ["main"]
+__all__ = ["unseen"]
 
 
 def _best(run: Run, generation: int) -> list[Tree | None]:
@@ -32,11 +31,18 @@ def _best(run: Run, generation: int) -> list[Tree | None]:
 
 @click.command()
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--games", default=1000, show_default=True)
-@click.option("--seed", default=1, show_default=True)
-def main(*, folders: tuple[Path, ...], games: int, seed: int) -> None:
-    """Play unseen games between the best trees of the first and of the last generation of each run."""
+@click.option("--games", type=click.IntRange(min=1), default=1000, show_default=True)
+@click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True)
+@output_options
+def unseen(*, folders: tuple[Path, ...], games: int, seed: int, as_json: bool, quiet: bool) -> None:
+    """Play unseen games between the best trees of the first and of the last generation of each run.
+
+    \b
+    Example: coevo reproduce unseen runs/two-learners-seed0 runs/two-learners-seed1
+    """
+    del quiet  # it shows no progress
     rows: list[list[str]] = []
+    data: list[dict[str, Any]] = []
     gains: dict[str, list[float]] = {}
     for folder in folders:
         run = open_run(folder)
@@ -58,6 +64,16 @@ def main(*, folders: tuple[Path, ...], games: int, seed: int) -> None:
             goals, lost = outcome.scorer == 0, outcome.scorer == 1
             share[name] = float(goals.mean() - lost.mean())
             mean, low, high = mean_interval(goals.astype(float))
+            data.append(
+                {
+                    "run": str(folder),
+                    "who": name,
+                    "goals": [mean, low, high],
+                    "lost": float(lost.mean()),
+                    "passes": float(outcome.passes.sum(axis=1).mean()),
+                    "steps": float(outcome.steps.mean()),
+                }
+            )
             rows.append(
                 [
                     folder.name,
@@ -73,12 +89,10 @@ def main(*, folders: tuple[Path, ...], games: int, seed: int) -> None:
         if len(teams) > 1:
             gains.setdefault("r0, r1: last against first, same first r2", []).append(share[names[2]] - share[names[0]])
             gains.setdefault("r2: last against first, same first r0, r1", []).append(share[names[0]] - share[names[3]])
-    click.echo(table(["run", "who", "goals a game [95 %]", "lost", "passes", "steps"], rows))
-    for name, found in gains.items():
-        mean, low, high = mean_interval(np.array(found))
-        click.echo(f"gain in goals minus lost goals a game, {name}:")
-        click.echo(f"  {mean:+.3f} [{low:+.3f}, {high:+.3f}] over {len(found)} runs")
-
-
-if __name__ == "__main__":
-    main()
+    lines = [table(["run", "who", "goals a game [95 %]", "lost", "passes", "steps"], rows)]
+    intervals = {name: mean_interval(found) for name, found in gains.items()}
+    for name, (mean, low, high) in intervals.items():
+        lines.append(f"gain in goals minus lost goals a game, {name}:")
+        lines.append(f"  {mean:+.3f} [{low:+.3f}, {high:+.3f}] over {len(gains[name])} runs")
+    told = {"games": games, "seed": seed, "teams": data, "gains": intervals}
+    show(told, "\n".join(lines), as_json=as_json)

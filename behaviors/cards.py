@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from behaviors.learning import Yardstick, evaluate, wilson_interval
+from behaviors.learning import Yardstick, evaluate
 from behaviors.recipe import MoverSettings, Recipe
 from coevo.skill import Skill
+from coevo.statistics import share_interval
 
 __all__ = ["describe", "make_card", "measure"]
 
@@ -47,7 +48,7 @@ def measure(recipe: Recipe, skill: Skill | Yardstick, *, games: int, seed: int, 
         "games": games,
         "seed": seed,
         "success_rate": result.success_rate,
-        "ci95": list(wilson_interval(int(result.success.sum()), games)),
+        "ci95": list(share_interval(int(result.success.sum()), games)),
         "mean_steps": float(result.steps.mean()),
         "collision_rate": result.collision_rate,
     }
@@ -55,7 +56,7 @@ def measure(recipe: Recipe, skill: Skill | Yardstick, *, games: int, seed: int, 
         chaser = MoverSettings(kind="chaser", speed=0.3)
         chased = evaluate(recipe, skill, games=games, seed=seed, starts=starts, mover=chaser)
         data["collision_rate_chaser"] = chased.collision_rate
-        data["ci95_chaser"] = list(wilson_interval(int((~chased.success).sum()), games))
+        data["ci95_chaser"] = list(share_interval(int((~chased.success).sum()), games))
     return data
 
 

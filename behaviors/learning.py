@@ -24,13 +24,11 @@ from behaviors.tabular.decisions import make_decisions, most_decisions
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import all_states, make_table, with_room
 from coevo.errors import InputError
+from coevo.seeds import SkillStream, game_seeds
 from coevo.skill import Skill, load_skill
-from coevo.soccer.rng import game_seed
 
-__all__ = ["Learning", "Measured", "evaluate", "learn", "wilson_interval"]
+__all__ = ["Learning", "Measured", "evaluate", "learn"]
 
-# What the random streams of a recipe's seed are for; 0 is for experience.
-_LEARNING, _EVALUATION, _CHECK = 1, 2, 3
 _BLOCK = 250  # trials between two reports of progress
 
 # What a skill is measured beside.
@@ -59,15 +57,6 @@ class Measured:
     def collision_rate(self) -> float:
         """Share of the trials that ended in a collision."""
         return float((self.outcomes == COLLISION).mean())
-
-
-def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """Return the 95 % confidence interval of a share (Wilson 1927), which is sound near 0 and 1 too."""
-    z = 1.959963984540054
-    share, scale = successes / trials, 1.0 + z * z / trials
-    centre = (share + z * z / (2.0 * trials)) / scale
-    half = z * float(np.sqrt(share * (1.0 - share) / trials + z * z / (4.0 * trials * trials))) / scale
-    return max(0.0, centre - half), min(1.0, centre + half)
 
 
 class Learning:
@@ -173,7 +162,7 @@ class Learning:
         """Learn from the next trials and return their outcomes."""
         recipe, at = self._recipe, self._at
         at.table = with_room(at.table, count * most_decisions(recipe.time_limit_steps, recipe.action.min_steps))
-        seeds = _seeds(self._seed, _LEARNING, at.done, count)
+        seeds = game_seeds(self._seed, SkillStream.LEARNING, count=count, first=at.done)
         outcomes, steps = np.zeros(count, np.int64), np.zeros(count, np.int64)
         schedule = at.done, self._trials
         ready = self._scene, self._learner, True, LEARNED, *schedule, seeds, at.table, self._decisions, outcomes, steps
@@ -191,7 +180,7 @@ class Learning:
         reward = 0.0
         for starts in ("in-view", "anywhere"):
             changed = msgspec.structs.replace(recipe, starts=starts)
-            measured = _run(changed, now, recipe.learning.check_games, self._seed, _CHECK)
+            measured = _run(changed, now, recipe.learning.check_games, self._seed, SkillStream.CHECK)
             success = float((measured.outcomes == SUCCESS).mean())
             reward += 0.5 * (success * recipe.goal_reward + measured.collision_rate * recipe.collision_reward)
         return reward
@@ -224,10 +213,6 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
         if report is not None:
             report(learning.done, trials, share)
     return learning.skill()
-
-
-def _seeds(seed: int, stream: int, first: int, count: int) -> NDArray[np.uint64]:
-    return np.array([game_seed(seed, stream, first + n) for n in range(count)], np.uint64)
 
 
 def _success(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -264,16 +249,16 @@ def evaluate(
             wanted = ", ".join(model.kind for model in recipe.objects)
             looks = ", ".join(sorted(kinds))
             raise InputError(f"the skill {skill.name!r} looks at {looks}; the task {recipe.task} needs {wanted}")
-    return _run(changed, skill, games, seed, _EVALUATION, epsilon)
+    return _run(changed, skill, games, seed, SkillStream.EVALUATION, epsilon)
 
 
 def _run(
-    recipe: Recipe, skill: Skill | Yardstick, games: int, seed: int, stream: int, epsilon: float = 0.0
+    recipe: Recipe, skill: Skill | Yardstick, games: int, seed: int, stream: SkillStream, epsilon: float = 0.0
 ) -> Measured:
     """Run ``games`` trials of the recipe without learning."""
     scene = make_scene(recipe, skill if isinstance(skill, Skill) else provisional_skill(recipe))
     policy = LEARNED if isinstance(skill, Skill) else RANDOM if skill == "random" else INFORMED
-    seeds = _seeds(seed, stream, 0, games)
+    seeds = game_seeds(seed, stream, count=games)
     outcomes, steps = np.zeros(games, np.int64), np.zeros(games, np.int64)
     learner = make_learner(recipe.learning)._replace(epsilon_start=epsilon, epsilon_end=epsilon)
     unused = make_table(1, len(scene.codes))

@@ -14,8 +14,18 @@ import msgspec
 from msgspec import UNSET, Meta, UnsetType
 
 from behaviors.raw import RAW_COMPONENTS
-from coevo.config import NonNegative, Positive, Settings, Share, WorldSettings, check, read_toml
-from coevo.errors import InputError, nearest_name
+from coevo.config import (
+    FileSettings,
+    NonNegative,
+    Positive,
+    Settings,
+    Share,
+    WorldSettings,
+    check,
+    file_kind,
+    read_toml,
+)
+from coevo.recipes import is_path, recipe_path
 
 __all__ = [
     "ActionSettings",
@@ -31,9 +41,17 @@ __all__ = [
     "recipe_digest",
 ]
 
-# Settings younger than the first learned skills. A skill file tells them only where they differ from their default, so
-# that learning such a skill again gives the same bytes.
-_YOUNGER = ("estimator", "lost_states", "update", "discount_per", "storage")
+# Settings younger than the first learned skills, those of ``objects`` of each. A skill file tells them only where they
+# differ from their default, so that learning such a skill again gives the same bytes.
+_YOUNGER = (
+    "kind",
+    "objects.estimator",
+    "objects.lost_states",
+    "learning.update",
+    "learning.discount_per",
+    "learning.storage",
+    "world.rules",
+)
 _PRETRAINED = Path(__file__).parent / "pretrained"
 
 
@@ -131,9 +149,10 @@ class CoordinationSettings(Settings, frozen=True, kw_only=True):
     steps_trials: Annotated[int, Meta(ge=1, le=1_000_000)] = 5000  # from which the steps to a goal are estimated
 
 
-class Recipe(Settings, frozen=True, kw_only=True):
+class Recipe(FileSettings, frozen=True, kw_only=True):
     """One skill, from nothing or, with ``coordination``, from skills that are there."""
 
+    kind: Literal["skill"] = "skill"
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]  # a part of the folder's name
     task: Literal["shoot", "pass", "avoid", "search"]
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
@@ -176,11 +195,24 @@ class Recipe(Settings, frozen=True, kw_only=True):
 def plain_recipe(recipe: Recipe) -> dict[str, Any]:
     """Return a recipe as plain data, as a skill file tells it; ``coevo.config.check`` makes an equal recipe of it."""
     plain: dict[str, Any] = msgspec.to_builtins(recipe)
-    for settings, told in [*zip(recipe.objects, plain["objects"], strict=True), (recipe.learning, plain["learning"])]:
-        for field in msgspec.structs.fields(settings):
-            if field.name in _YOUNGER and told[field.name] == field.default:
-                del told[field.name]
+    for path in _YOUNGER:
+        _leave_out(recipe, plain, path)
     return plain
+
+
+def _leave_out(settings: Any, plain: Any, path: str) -> None:
+    """Take a setting out of plain data if it is at its default; of a list, out of each part."""
+    if isinstance(settings, tuple):
+        for part, told in zip(settings, plain, strict=True):
+            _leave_out(part, told, path)
+        return
+    name, _, rest = path.partition(".")
+    if rest:
+        _leave_out(getattr(settings, name), plain[name], rest)
+        return
+    (field,) = (field for field in msgspec.structs.fields(settings) if field.name == name)
+    if getattr(settings, name) == field.default:
+        del plain[name]
 
 
 def recipe_digest(recipe: Recipe) -> str:
@@ -194,7 +226,11 @@ def installed_recipes() -> list[str]:
 
 
 def _path(source: str) -> Path:
-    return Path(source) if source.endswith(".toml") else _PRETRAINED / source / "recipe.toml"
+    """Return the file of an installed skill's recipe, of any other recipe by name, or of a path."""
+    installed = installed_recipes()
+    if source in installed:
+        return _PRETRAINED / source / "recipe.toml"
+    return recipe_path(source, file_kind(Recipe), also=installed)
 
 
 def is_recipe_of(source: str, folder: Path) -> bool:
@@ -203,23 +239,9 @@ def is_recipe_of(source: str, folder: Path) -> bool:
 
 
 def read_recipe(source: str) -> Recipe:
-    """Read an installed recipe by the name of its skill, or a TOML file by path.
+    """Read an installed recipe by the name of its skill, another recipe by its name, or a TOML file by path.
 
     Raises:
-        InputError: there is no such recipe, or it is wrong.
+        InputError: there is no such recipe, it is of another kind, or it is wrong.
     """
-    if source.endswith(".toml"):
-        data = read_toml(Path(source))
-        if "passer" in data:
-            raise InputError(
-                f"{source} is a schedule of two robots, not the recipe of a skill;"
-                f" run it with 'python -m behaviors.studies.chapter3 {source}'"
-            )
-        return check(Recipe, data, source)
-    names = installed_recipes()
-    if source not in names:
-        raise InputError(
-            f"there is no recipe for a skill {source!r}.{nearest_name(source, names)} Known: {', '.join(names)};"
-            " a recipe of your own is a file that ends with .toml"
-        )
-    return check(Recipe, read_toml(_PRETRAINED / source / "recipe.toml"), f"the recipe of {source}")
+    return check(Recipe, read_toml(_path(source)), source if is_path(source) else f"the recipe of {source}")

@@ -7,23 +7,23 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from coevo.config import RunSettings, check, read_toml
+from coevo.config import RunSettings
 from coevo.evolution.evaluation import Evaluator
 from coevo.evolution.loop import evolve
 from coevo.evolution.population import codes_of, first_population
 from coevo.game import Arena, warm_up
 from coevo.plain import PlainGame
+from coevo.recipes import read_settings
 from coevo.run import create_run
+from coevo.seeds import RunStream, game_seeds
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params, replay
-from coevo.soccer.rng import game_seed
 from coevo.soccer.world import World
 from coevo.tree import from_codes, function_set
 from coevo.tree.program import compile_program
@@ -35,8 +35,7 @@ _ROUNDS = 5
 
 
 def _settings() -> RunSettings:
-    preset = Path(str(files("coevo"))) / "presets" / "three-learners.toml"
-    return check(RunSettings, read_toml(preset), "three-learners")
+    return read_settings(RunSettings, "three-learners")
 
 
 def measure(games: int, plain_games: int, *, tell: Callable[[str], None]) -> dict[str, Any]:
@@ -61,9 +60,7 @@ def measure(games: int, plain_games: int, *, tell: Callable[[str], None]) -> dic
     ]
     teams = [[populations[robot][i] for robot in range(robots)] for i in range(max(1, games // _GROUP))]
     programs = [[compile_program(codes, functions[robot]) for robot, codes in enumerate(team)] for team in teams]
-    seeds = [
-        np.array([game_seed(0, 9, group, game) for game in range(_GROUP)], np.uint64) for group in range(len(teams))
-    ]
+    seeds = [game_seeds(0, RunStream.BENCH, group, count=_GROUP) for group in range(len(teams))]
 
     tell("Timing compiled games and their physics alone ...")
     # The same games once more, for the commands that their physics is replayed with.

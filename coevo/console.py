@@ -8,12 +8,24 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, Self, TypeVar
 
 import click
 
-__all__ = ["Progress", "duration", "emit", "note", "output_options", "put_off_interrupt", "table"]
+from coevo.errors import InputError
+
+__all__ = [
+    "Progress",
+    "duration",
+    "emit",
+    "note",
+    "output_options",
+    "put_off_interrupt",
+    "show",
+    "table",
+]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -27,6 +39,24 @@ def output_options(command: _F) -> _F:
 def emit(data: dict[str, Any] | list[Any]) -> None:
     """Print one JSON value on stdout."""
     click.echo(json.dumps(data, indent=2, allow_nan=False))
+
+
+def show(data: dict[str, Any] | list[Any], text: str, *, as_json: bool, out: Path | None = None) -> None:
+    """Print what was found, as JSON or as text for people, and write it as JSON to a file if one is named.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    if out is not None:
+        try:
+            out.parent.mkdir(parents=True, exist_ok=True)
+            out.write_text(json.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"cannot write {out}: {error.strerror or error}; choose another --out") from None
+    if as_json:
+        emit(data)
+    else:
+        click.echo(text)
 
 
 def note(text: str, *, quiet: bool = False) -> None:

@@ -284,7 +284,7 @@ class Arena:
         self._physics = physics_params(world)
         self._camera = camera_params(world)
         self._rules = _make_rules(settings.game, settings.categories, players, actions.codes, actions.commands)
-        self._event_rules = event_params(world, settings.game)
+        self._event_rules = event_params(world)
         self._regions = regions([player.start for player in players], settings.game.ball_start)
         self._memory = make_memory(self.bank, _mates(players))
         self._retina = make_retina(world)

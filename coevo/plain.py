@@ -272,7 +272,7 @@ class _Referee:
         gap = {pair: min(step[pair] for step in gaps) for pair in gaps[0]}
         robots = len(self._teams)
         contact = settings.world.physics.contact_gap_m
-        window = round(settings.game.pass_window_s / settings.world.physics.step_s)
+        window = round(settings.world.rules.pass_window_s / settings.world.physics.step_s)
         at_ball = {robot for robot in range(robots) if gap[robot, robots] <= contact}
         for robot in sorted(at_ball):
             self.kicks[robot] += 1
@@ -288,7 +288,7 @@ class _Referee:
                 if (one, two) not in self._touching:
                     self._touching.add((one, two))
                     self.collisions[[one, two]] += 1
-            elif gap[two, one] > settings.game.collision_release_m:
+            elif gap[two, one] > settings.world.rules.collision_release_m:
                 self._touching.discard((one, two))
         x = world.ball.position.x
         return 0 if x > settings.world.field.length_m else 1 if x < 0.0 else -1

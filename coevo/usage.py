@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from coevo.evolution.evaluation import group_seeds
 from coevo.game import Arena, warm_up
 from coevo.run import Run
-from coevo.soccer.rng import game_seed
+from coevo.seeds import RunStream, game_seeds
 from coevo.tree import SKILLS, Program, Tree, compile_program, function_set
 
 __all__ = ["TreeUsage", "merge_usage", "play_seeds", "tree_usage"]
-
-_PLAY = 4
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class TreeUsage:
 
 def play_seeds(seed: int, games: int) -> NDArray[np.uint64]:
     """Return the seeds of games outside evolution."""
-    return np.array([game_seed(seed, _PLAY, game) for game in range(games)], np.uint64)
+    return game_seeds(seed, RunStream.PLAY, count=games)
 
 
 def tree_usage(run: Run, generation: int, group: int, robot: str, tell: Callable[[str], None]) -> TreeUsage:

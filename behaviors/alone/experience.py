@@ -18,10 +18,10 @@ from behaviors.lpm.cva import lagged
 from behaviors.raw import raw_model
 from behaviors.recipe import ExperienceSettings, ModelSettings, Recipe
 from coevo.errors import InputError
+from coevo.seeds import SkillStream, game_seed
 from coevo.skill import ObjectModel, load_skill
 from coevo.skill.model import INPUTS, OBJECT_KINDS
 from coevo.soccer.camera import BALL, FEATURES, OPPONENT_GOAL, OWN_GOAL, ROBOTS
-from coevo.soccer.rng import game_seed
 
 __all__ = ["Stretch", "align", "enough", "experience", "in_view", "make_model", "make_models", "window_count"]
 
@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 Stretch = tuple[Array, Array]
 """(actions (T, 2), observations (T, q)) of one trial with an object in view, each action with the image it led to."""
 
-_STREAM = 0  # of the recipe's seed; see behaviors.learning
 _ROWS, _MOST_PARTS = 20_000, 100
 _SLOTS = {"ball": BALL, "own_goal": OWN_GOAL, "opponent_goal": OPPONENT_GOAL, "mate": ROBOTS}
 
@@ -103,7 +102,7 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
     while min(seen.values()) < settings.windows:
         trial, inputs = np.zeros(_ROWS, np.int64), np.zeros((_ROWS, INPUTS))
         features, areas = np.zeros((_ROWS, objects, FEATURES)), np.zeros((_ROWS, objects))
-        random = game_seed(seed, _STREAM, part)
+        random = game_seed(seed, SkillStream.EXPERIENCE, part)
         filled = gather(
             scene,
             random,

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["learn", "tell_compiling"]
 
-_CARD_SEED, _GAMES = 1_000_000, 1000  # starts that cards are measured on
+_GAMES = 1000  # starts that cards are measured on
 _SAVE_EVERY_S, _SAVE_SHARE = 3.0, 0.05  # seldom, and where a table is large, never for more than this share of the time
 
 
@@ -74,6 +74,7 @@ def learn(
     from behaviors.cards import make_card
     from behaviors.recipe import is_recipe_of, read_recipe
     from coevo.config import to_toml
+    from coevo.seeds import StartsSeed
 
     if resume and restart:
         raise InputError("--resume goes on with a learning and --restart throws it away: give one of them")
@@ -100,7 +101,7 @@ def learn(
     try:
         _go_on(learning, recipe, checkpoint, quiet=quiet)
         skill = learning.skill()
-        card = make_card(recipe, skill, games=games, seed=_CARD_SEED)
+        card = make_card(recipe, skill, games=games, seed=StartsSeed.CARDS)
     except KeyboardInterrupt:
         with _writing(folder):
             learning.save(checkpoint)

@@ -21,15 +21,13 @@ from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import Table, make_table
 from coevo.config import check
 from coevo.errors import InputError
+from coevo.seeds import SkillStream, game_seeds
 from coevo.skill import ObjectModel, Skill, load_skill, make_bank
 from coevo.soccer.drive import action_set
-from coevo.soccer.rng import game_seed
 
 __all__ = ["Coordinated", "coordinate", "expected_steps"]
 
 Array = NDArray[np.float64]
-
-_STEPS = 4  # stream of the seed; those of behaviors.learning come before
 
 
 @dataclass(frozen=True)
@@ -147,7 +145,7 @@ def expected_steps(recipe: Recipe, skill: Skill, *, trials: int, seed: int) -> A
     numbers = make_learner(mean)._replace(gamma=1.0)
     expected = np.full((len(skill.values), 1), float(recipe.time_limit_steps))
     visits = np.zeros(expected.shape, np.int64)
-    seeds = np.array([game_seed(seed, _STEPS, n) for n in range(trials)], np.uint64)
+    seeds = game_seeds(seed, SkillStream.STEPS, count=trials)
     table = make_table(*skill.values.shape)
     table.fixed[:] = True
     scene, decisions = make_scene(recipe, skill), make_decisions(recipe.time_limit_steps)

@@ -3,25 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
 
 from behaviors.recipe import ActionSettings, ExperienceSettings, LearningSettings, ModelSettings
-from coevo.config import (
-    NonNegative,
-    RobotSettings,
-    Settings,
-    Share,
-    StartSettings,
-    WorldSettings,
-    check,
-    override,
-    read_toml,
-)
-from coevo.errors import InputError
+from coevo.config import FileSettings, NonNegative, RobotSettings, Settings, Share, StartSettings, WorldSettings
+from coevo.recipes import read_settings
 
 __all__ = ["LearnerSettings", "Schedule", "StoreSettings", "TransferSettings", "read_schedule", "transfer_world"]
 
@@ -86,12 +75,13 @@ class TransferSettings(Settings, frozen=True, kw_only=True):
             raise ValueError(f"supersample must be odd, got {self.supersample}")
 
 
-class Schedule(Settings, frozen=True, kw_only=True):
+class Schedule(FileSettings, frozen=True, kw_only=True):
     """One method: how a passer and a shooter learn, from nothing to the other world."""
 
+    kind: Literal["schedule"] = "schedule"
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
-    kind: Literal["scheduled", "simultaneous"] = "scheduled"  # simultaneous: both learn in all trials at once
+    periods: Literal["scheduled", "simultaneous"] = "scheduled"  # simultaneous: both learn in all trials at once
     trials: Annotated[int, Meta(ge=1, le=10_000_000)] = 25_000  # [T] a period; simultaneous: four times as many
     time_limit_steps: Annotated[int, Meta(ge=1, le=100_000)] = 900  # 30 s
     reuse: Literal["mixture", "cold", "copy"] = "mixture"  # (3.10); from zero; the old values in the new states
@@ -102,7 +92,6 @@ class Schedule(Settings, frozen=True, kw_only=True):
         "first"  # of a trial; with "each", a goal costs the passer its next passes
     )
     collision_reward: float = -0.3  # [T]
-    pass_window_s: NonNegative = 3.0  # [C] "in a short time"
     games: Annotated[int, Meta(ge=10, le=100_000)] = 500  # that measure both robots after the last period
     passer: LearnerSettings
     shooter: LearnerSettings
@@ -130,18 +119,13 @@ class Schedule(Settings, frozen=True, kw_only=True):
             raise ValueError('also: an estimator "raw" has nothing to report')
 
 
-def read_schedule(path: Path, changes: Sequence[str] = ()) -> Schedule:
-    """Read a recipe, with settings replaced by ``dotted.key=value``.
+def read_schedule(name: str, changes: Sequence[str] = ()) -> Schedule:
+    """Read a recipe by name or path, with settings replaced by ``dotted.key=value``.
 
     Raises:
-        InputError: it cannot be read, or is wrong.
+        InputError: there is no such recipe, it is of another kind, or it is wrong.
     """
-    data = read_toml(path)
-    if "task" in data:
-        raise InputError(
-            f"{path} is the recipe of a skill, not a schedule of two robots; learn it with 'coevo learn {path}'"
-        )
-    return check(Schedule, override(data, changes), str(path))
+    return read_settings(Schedule, name, changes)
 
 
 def transfer_world(schedule: Schedule) -> WorldSettings:

@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from behaviors.pair.agents import NAMES, Agent, Duty, Outcomes, Period, joined, new_agents, no_outcomes
 from behaviors.pair.data import FIXED, LEARNING, PASSER, RANDOM, SHOOTER, Pair, Player, Rules, make_stage
 from behaviors.pair.models import renew_models, stored_windows
@@ -18,20 +16,18 @@ from behaviors.tabular.qlearning import Learner, make_learner
 from behaviors.tabular.table import Table, all_states, make_table, with_room
 from coevo.config import WorldSettings
 from coevo.errors import InputError
+from coevo.seeds import SetStream, game_seeds
 from coevo.skill import make_bank
 from coevo.skill.estimate import make_memory
 from coevo.soccer.camera import camera_params, make_retina
 from coevo.soccer.drive import action_set
-from coevo.soccer.events import EventParams, make_events
+from coevo.soccer.events import event_params, make_events
 from coevo.soccer.physics import physics_params
 from coevo.soccer.placement import regions
-from coevo.soccer.rng import game_seed
 from coevo.soccer.world import World
 
-__all__ = ["ELSEWHERE", "Report", "Schooling"]
+__all__ = ["Report", "Schooling"]
 
-# What the random streams of a set's seed are for.
-GATHERING, LEARNING_TRIALS, CHECKS, AFTERWARDS, ELSEWHERE = range(5)
 _BLOCK = 250  # trials between two reports of progress
 _GATHERED_AT_ONCE = 20  # trials
 
@@ -74,7 +70,7 @@ class Schooling:
         """Go through the periods."""
         for period in periods:
             duties = period.duties
-            total = self.schedule.trials * (4 if self.schedule.kind == "simultaneous" else 1)
+            total = self.schedule.trials * (4 if self.schedule.periods == "simultaneous" else 1)
             for agent, duty in zip(self.agents, duties, strict=True):
                 if duty.stores:
                     agent.store.written[0] = 0
@@ -109,7 +105,6 @@ class Schooling:
         actions = action_set(world.robot)
         skills = [agent.skill(schedule, old=old) for agent in self.agents for old in (False, True)]
         bank = make_bank(skills, drive=world.robot.drive, actions=len(actions.codes))
-        window = round(schedule.pass_window_s / world.physics.step_s)
         players = tuple(
             Player(
                 role=roles[n],
@@ -129,7 +124,7 @@ class Schooling:
             physics=physics_params(world),
             camera=camera_params(world),
             retina=make_retina(world),
-            limits=EventParams(world.physics.contact_gap_m, world.physics.contact_gap_m, window),
+            limits=event_params(world),
             events=make_events(2),
             rules=Rules(
                 in_view=starts.in_view,
@@ -161,7 +156,7 @@ class Schooling:
         limit: int | None = None,
     ) -> Outcomes:
         """Run trials number ``first`` and following of ``total``, with seeds of a random stream."""
-        seeds = np.array([game_seed(self.seed, *stream, first + n) for n in range(trials)], np.uint64)
+        seeds = game_seeds(self.seed, *stream, count=trials, first=first)
         found = no_outcomes(trials)
         if not run_pair(pair, limit or self.schedule.time_limit_steps, first, total, seeds, *found):
             raise InputError(
@@ -176,7 +171,7 @@ class Schooling:
         tables = [make_table(1, len(action_set(self.settings.robot).codes)) for _ in NAMES]
         players = self.pair((FIXED, FIXED), tables, stores=(True, True))
         greedy = [player._replace(fixed_epsilon=0.0) for player in players.players]
-        return self.run(players._replace(players=(greedy[0], greedy[1])), (AFTERWARDS,), games)
+        return self.run(players._replace(players=(greedy[0], greedy[1])), (SetStream.AFTERWARDS,), games)
 
     def _gather(self, period: Period) -> None:
         """Let robots that will make models act at random until they have seen enough of each object.
@@ -190,7 +185,7 @@ class Schooling:
         learning = [agent for agent, duty in zip(self.agents, duties, strict=True) if duty.models == "random"]
         needed, limit, done = self.schedule.experience.windows, self.schedule.experience.trial_steps, 0
         while not all(_seen_enough(agent, needed) for agent in learning):
-            stream = (GATHERING, ord(period.name))
+            stream = (SetStream.GATHERING, ord(period.name))
             self.run(pair, stream, _GATHERED_AT_ONCE, first=done, limit=limit)
             done += _GATHERED_AT_ONCE
         least = self.schedule.store.least_windows
@@ -220,7 +215,7 @@ class Schooling:
                 tables[n] = with_room(tables[n], more)
             players = [player._replace(table=tables[n]) for n, player in enumerate(pair.players)]
             pair = pair._replace(players=(players[0], players[1]))
-            found.append(self.run(pair, (LEARNING_TRIALS, ord(period.name)), block, first=first, total=total))
+            found.append(self.run(pair, (SetStream.LEARNING, ord(period.name)), block, first=first, total=total))
             due = rule.check_every and (done == total or done // rule.check_every > first // rule.check_every)
             if due or done == total:
                 now = self._check(period, pair, rule.check_games)
@@ -252,7 +247,7 @@ class Schooling:
             )
             for player in pair.players
         ]
-        return self.run(pair._replace(players=(players[0], players[1])), (CHECKS, ord(period.name)), games)
+        return self.run(pair._replace(players=(players[0], players[1])), (SetStream.CHECKS, ord(period.name)), games)
 
     def _worth(self, robot: int, found: Outcomes) -> float:
         """Return the mean reward of a robot; of the passes of a trial the first counts."""

@@ -18,14 +18,14 @@ from behaviors.pair.agents import Agent, Duty, Outcomes, joined, no_outcomes
 from behaviors.pair.data import LEARNING, Pair
 from behaviors.pair.models import renew_models
 from behaviors.pair.recipe import Schedule, TransferSettings, transfer_world
-from behaviors.pair.schedule import ELSEWHERE, Report, Schooling
+from behaviors.pair.schedule import Report, Schooling
 from behaviors.pair.trial import act, begin_trial, end_trial, take_in
 from behaviors.tabular.qlearning import Learner
 from coevo.config import WorldSettings
 from coevo.errors import InputError
+from coevo.seeds import SetStream, game_seeds
 from coevo.skill.estimate import perturb
 from coevo.soccer.camera import see
-from coevo.soccer.rng import game_seed
 from coevo.soccer.vision import extract, render
 
 __all__ = ["Eyes", "run_elsewhere", "transfer"]
@@ -150,7 +150,7 @@ def transfer(schedule: Schedule, seed: int, agents: tuple[Agent, Agent], report:
         found = []
         for first in range(0, trials, _BLOCK):
             numbers = range(first, min(first + _BLOCK, trials))
-            seeds = np.array([game_seed(seed, ELSEWHERE, ord(name), n) for n in numbers], np.uint64)
+            seeds = game_seeds(seed, SetStream.ELSEWHERE, ord(name), count=len(numbers), first=first)
             limit = schedule.time_limit_steps
             found.append(run_elsewhere(pair, world, settings, seeds, time_limit=limit, first=first, total=trials))
             if report is not None:

@@ -1,1 +1,1 @@
-"""Studies over many seeds and settings; each module is a command, `python -m behaviors.studies.NAME`."""
+"""Studies over many seeds and settings; each module is a command, `coevo reproduce NAME`."""

@@ -1,31 +1,26 @@
 """From the learner of chapter 3 to the letter to the installed recipe of shoot, one change at a time.
 
-    python -m behaviors.studies.ablation --seeds 3
-
 Each row keeps the changes of the rows above it. The table of docs/learning.md is made by this.
 """
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import click
 import joblib
 import msgspec
-import numpy as np
-from scipy import stats
 
 from behaviors.learning import evaluate, learn
 from behaviors.recipe import Recipe, read_recipe
-from coevo.config import check, read_toml
-from coevo.console import note, table
+from coevo.console import note, output_options, show, table
+from coevo.seeds import StartsSeed
+from coevo.statistics import mean_interval
 
-__all__ = ["LITERAL", "main", "mean_cell", "steps_of"]
+__all__ = ["LITERAL", "ablation", "mean_cell", "steps_of"]
 
-LITERAL = Path("runs") / "chapter3" / "literal-shoot.toml"
-_STARTS_SEED = 4_000_000  # of the starts that are measured: not those of cards, studies or learning
+LITERAL = "chapter3/literal-shoot"
 _STARTS = ("in-view", "anywhere")
 
 # What is changed, and the settings that it takes from the installed recipe: their section and names.
@@ -68,44 +63,48 @@ def steps_of(literal: Recipe, installed: Recipe) -> list[tuple[str, Recipe]]:
 
 def _one(recipe: Recipe, seed: int, games: int) -> list[float]:
     skill = learn(recipe, seed=seed)
-    return [evaluate(recipe, skill, games=games, seed=_STARTS_SEED, starts=starts).success_rate for starts in _STARTS]
+    return [
+        evaluate(recipe, skill, games=games, seed=StartsSeed.ABLATION, starts=starts).success_rate for starts in _STARTS
+    ]
 
 
 def mean_cell(values: list[float]) -> str:
     """Return the mean over seeds with its 95 % interval by Student's t, within 0 and 1."""
-    mean = float(np.mean(values))
-    if len(values) < 2:
-        return f"{mean:.3f}"
-    half = float(stats.t.ppf(0.975, len(values) - 1)) * float(np.std(values, ddof=1)) / float(np.sqrt(len(values)))
-    return f"{mean:.3f} [{max(0.0, mean - half):.3f}, {min(1.0, mean + half):.3f}]"
+    mean, low, high = mean_interval(values)
+    return f"{mean:.3f}" + (f" [{max(0.0, low):.3f}, {min(1.0, high):.3f}]" if len(values) > 1 else "")
 
 
 @click.command()
-@click.option("--seeds", default=3, show_default=True, help="How many seeds, from 1 on.")
-@click.option("--games", default=1000, show_default=True, help="Trials that measure each result.")
-@click.option("--trials", type=int, help="Replaces the trials of learning, for a quick look.")
-@click.option("--workers", default=2, show_default=True)
+@click.option("--seeds", type=click.IntRange(min=1), default=3, show_default=True, help="How many seeds, from 1 on.")
+@click.option(
+    "--games", type=click.IntRange(min=1), default=1000, show_default=True, help="Trials that measure each result."
+)
+@click.option("--trials", type=click.IntRange(min=1), help="Replaces the trials of learning, for a quick look.")
+@click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), help="Write the shares of each seed to a JSON file.")
-def main(*, seeds: int, games: int, trials: int | None, workers: int, out: Path | None) -> None:
-    """Learn to shoot with each recipe and several seeds, and print what every change brings."""
-    steps = steps_of(check(Recipe, read_toml(LITERAL), str(LITERAL)), read_recipe("shoot"))
+@output_options
+def ablation(
+    *, seeds: int, games: int, trials: int | None, workers: int, out: Path | None, as_json: bool, quiet: bool
+) -> None:
+    """Learn to shoot as in chapter 3 to the letter and as installed, one change at a time, with several seeds.
+
+    \b
+    Example: coevo reproduce ablation --seeds 3
+             coevo reproduce ablation --seeds 1 --trials 500 --games 200
+    """
+    steps = steps_of(read_recipe(LITERAL), read_recipe("shoot"))
     if trials is not None:
         steps = [(label, msgspec.structs.replace(recipe, trials=trials)) for label, recipe in steps]
     tasks = [(recipe, seed, games) for _, recipe in steps for seed in range(1, seeds + 1)]
     shares: list[list[float]] = []
     for found in joblib.Parallel(n_jobs=workers, return_as="generator")(joblib.delayed(_one)(*task) for task in tasks):
         shares.append(found)
-        note(f"{len(shares)} of {len(tasks)} learned")
+        note(f"{len(shares)} of {len(tasks)} learned", quiet=quiet)
     rows, data = [], []
     for i, (label, _) in enumerate(steps):
         mine = shares[i * seeds : (i + 1) * seeds]
         by_start: dict[str, Any] = {starts: [one[k] for one in mine] for k, starts in enumerate(_STARTS)}
         rows.append([label, *(mean_cell(by_start[starts]) for starts in _STARTS)])
         data.append({"change": label, **by_start})
-    if out is not None:
-        out.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-    click.echo(table(["change", *(f"success {starts} [95 % over seeds]" for starts in _STARTS)], rows))
-
-
-if __name__ == "__main__":
-    main()
+    header = ["change", *(f"success {starts} [95 % over seeds]" for starts in _STARTS)]
+    show(data, table(header, rows), as_json=as_json, out=out)

@@ -1,9 +1,7 @@
 """Run the experiment of chapter 3: sets of the periods A to D, and E and F in another world.
 
-    python -m behaviors.studies.chapter3 runs/chapter3/schedule.toml --sets 10 --workers 2
-
 Each set is a folder, written whole when the set is finished; what is finished is not done again, so the same command
-goes on after an interruption. ``python -m analysis.chapter3`` reads the folders and makes tables and figures.
+goes on after an interruption. ``coevo reproduce chapter3-report`` reads the folders and makes tables and figures.
 """
 
 from __future__ import annotations
@@ -30,11 +28,11 @@ from behaviors.pair.schedule import Report, Schooling
 from behaviors.pair.transfer import transfer
 from behaviors.pair.trial import run_pair
 from coevo.compiled import is_compiled
-from coevo.console import duration, note
+from coevo.console import duration, note, output_options, show
 from coevo.errors import InputError
-from coevo.soccer.rng import game_seed
+from coevo.seeds import game_seed
 
-__all__ = ["main", "run_set"]
+__all__ = ["chapter3", "run_set"]
 
 Files = dict[str, bytes]
 
@@ -49,7 +47,7 @@ def run_set(schedule: Schedule, number: int, report: Report | None = None) -> Fi
     """
     seed = int(game_seed(schedule.seed, number))
     here = Schooling(schedule, seed, report=report)
-    here.learn(PERIODS[schedule.kind])
+    here.learn(PERIODS[schedule.periods])
     agents = here.agents
     after = here.afterwards(schedule.games)
     errors = [row for agent in agents for row in prediction_errors(agent, "simulation")]
@@ -67,7 +65,7 @@ def run_set(schedule: Schedule, number: int, report: Report | None = None) -> Fi
         traces += [{"where": "transfer", "robot": a.name, **row} for a in agents for row in error_trace(a)]
     summary = {
         "method": schedule.name,
-        "kind": schedule.kind,
+        "kind": schedule.periods,
         "set": number,
         "seed": str(seed),  # JSON has no integers of 64 bits
         "states": {agent.name: len(skills[agent.name].values) for agent in agents},
@@ -159,7 +157,7 @@ def _one_thread_each() -> Iterator[None]:
 
 
 @click.command()
-@click.argument("recipes", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECIPE.toml...")
+@click.argument("recipes", nargs=-1, required=True, metavar="RECIPE...")
 @click.option("--sets", type=click.IntRange(min=1), default=10, show_default=True, help="Of each method.")
 @click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True, help="Sets at the same time.")
 @click.option(
@@ -170,37 +168,48 @@ def _one_thread_each() -> Iterator[None]:
     help="Folder of the results: one folder a method, with one folder a set.",
 )
 @click.option("--set", "changes", multiple=True, metavar="KEY=VALUE", help="Replace a setting, such as trials=1000.")
-@click.option("--quiet", "-q", is_flag=True, help="Show no progress.")
-def main(
-    *, recipes: tuple[Path, ...], sets: int, workers: int, out: Path, changes: tuple[str, ...], quiet: bool
+@output_options
+def chapter3(
+    *,
+    recipes: tuple[str, ...],
+    sets: int,
+    workers: int,
+    out: Path,
+    changes: tuple[str, ...],
+    as_json: bool,
+    quiet: bool,
 ) -> None:
-    """Run SETS sets of each method; sets that are finished stay as they are."""
-    tasks, failed = [], []
-    try:
-        for path in recipes:
-            schedule = read_schedule(path, changes)
-            _prepare(out / schedule.name, schedule)
-            folders = [(number, out / schedule.name / f"set-{number:02d}") for number in range(sets)]
-            tasks += [(schedule, number, folder) for number, folder in folders if not folder.exists()]
-        note(f"{len(tasks)} sets to run, {len(recipes) * sets - len(tasks)} are finished", quiet=quiet)
-        if tasks and not is_compiled(run_pair):
-            note("Compiling the trials for this machine, once: a minute or two ...", quiet=quiet)
-        with _one_thread_each(), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-            jobs = {pool.submit(_one, *task, quiet=quiet): f"{task[0].name} set {task[1]}" for task in tasks}
-            for done, job in enumerate(as_completed(jobs), start=1):
-                try:
-                    seconds = job.result()
-                except InputError as error:  # the other sets may be worth hours
-                    failed.append(f"{jobs[job]}: {error}")
-                    note(f"failed: {failed[-1]}", quiet=quiet)
-                else:
-                    note(f"{jobs[job]} finished after {duration(seconds)} ({done} of {len(tasks)})", quiet=quiet)
-    except InputError as error:
-        raise click.ClickException(str(error)) from None
+    """Run the experiment of chapter 3: sets of its periods for each RECIPE, a name or a TOML file.
+
+    Sets that are finished stay as they are: the same command goes on after an interruption.
+
+    \b
+    Example: coevo reproduce chapter3 chapter3/short --sets 2 --out runs/short
+             coevo reproduce chapter3 chapter3/schedule chapter3/previous --sets 10
+    """
+    tasks: list[tuple[Schedule, int, Path]] = []
+    failed: list[str] = []
+    for recipe in recipes:
+        schedule = read_schedule(recipe, changes)
+        _prepare(out / schedule.name, schedule)
+        folders = [(number, out / schedule.name / f"set-{number:02d}") for number in range(sets)]
+        tasks += [(schedule, number, folder) for number, folder in folders if not folder.exists()]
+    finished = len(recipes) * sets - len(tasks)
+    note(f"{len(tasks)} sets to run, {finished} are finished", quiet=quiet)
+    if tasks and not is_compiled(run_pair):
+        note("Compiling the trials for this machine, once: a minute or two ...", quiet=quiet)
+    with _one_thread_each(), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        jobs = {pool.submit(_one, *task, quiet=quiet): f"{task[0].name} set {task[1]}" for task in tasks}
+        for ended, job in enumerate(as_completed(jobs), start=1):
+            try:
+                seconds = job.result()
+            except InputError as error:  # the other sets may be worth hours
+                failed.append(f"{jobs[job]}: {error}")
+                note(f"failed: {failed[-1]}", quiet=quiet)
+            else:
+                note(f"{jobs[job]} finished after {duration(seconds)} ({ended} of {len(tasks)})", quiet=quiet)
+    done = {"folder": str(out), "run": len(tasks) - len(failed), "finished": finished, "failed": failed}
+    show(done, f"Written: {out}; now 'coevo reproduce chapter3-report {out}'", as_json=as_json)
     if failed:
-        raise click.ClickException("these sets failed, the others are written:\n" + "\n".join(failed))
-    click.echo(f"Written: {out}; now 'python -m analysis.chapter3 {out}'")
-
-
-if __name__ == "__main__":
-    main()
+        note("these sets failed, the others are written:\n" + "\n".join(failed))
+        raise click.exceptions.Exit(1)

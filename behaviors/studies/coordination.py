@@ -1,13 +1,10 @@
 """Compare ways to make one skill of several (appendix B.2) with plain Q learning and with the first skill alone.
 
-    python -m behaviors.studies.coordination
-
 The table of docs/skills.md, section "Several behaviours at once", is made by this.
 """
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +12,15 @@ import click
 import joblib
 import msgspec
 
-from behaviors.learning import evaluate, learn, wilson_interval
+from behaviors.learning import evaluate, learn
 from behaviors.recipe import Recipe, read_recipe
-from behaviors.studies.skills import STARTS_SEED
-from coevo.console import note, table
+from coevo.console import note, output_options, show, table
+from coevo.errors import InputError
+from coevo.seeds import StartsSeed
 from coevo.skill import Skill, load_skill
+from coevo.statistics import share_interval
 
-__all__ = ["main"]
+__all__ = ["coordination"]
 
 _PLAIN = {"areas": "none", "initial": "zero"}
 # What differs from the recipe's [coordination], and whether the trials that its skills took are granted on top.
@@ -40,7 +39,7 @@ def _measured(recipe: Recipe, skill: Skill, games: int) -> dict[str, Any]:
     """Return counts of successes and collisions from both kinds of starts."""
     found: dict[str, Any] = {}
     for starts in ("in-view", "anywhere"):
-        result = evaluate(recipe, skill, games=games, seed=STARTS_SEED, starts=starts)
+        result = evaluate(recipe, skill, games=games, seed=StartsSeed.SKILLS, starts=starts)
         collisions = round(result.collision_rate * games)
         found[starts] = {"success": int(result.success.sum()), "collisions": collisions}
     return found
@@ -68,31 +67,59 @@ def _alone(recipe: Recipe, games: int) -> dict[str, Any]:
 
 
 def _share(count: int, games: int) -> str:
-    low, high = wilson_interval(count, games)
+    low, high = share_interval(count, games)
     return f"{count / games:.3f} [{low:.3f}, {high:.3f}]"
 
 
 @click.command()
-@click.argument("source", default="runs/chapter3/shoot-avoiding.toml", metavar="[RECIPE.toml]")
-@click.option("--seeds", default=3, show_default=True, help="How many seeds of the learning, from 1 on.")
+@click.argument("source", default="chapter3/shoot-avoiding", metavar="[RECIPE]")
+@click.option(
+    "--seeds",
+    type=click.IntRange(min=1),
+    default=3,
+    show_default=True,
+    help="How many seeds of the learning, from 1 on.",
+)
 @click.option("--trials", type=click.IntRange(min=1), help="Replaces the recipe's number of trials.")
-@click.option("--games", default=1000, show_default=True, help="Unseen starts of each kind that measure each result.")
-@click.option("--workers", default=2, show_default=True)
+@click.option(
+    "--games",
+    type=click.IntRange(min=1),
+    default=1000,
+    show_default=True,
+    help="Unseen starts of each kind that measure each result.",
+)
+@click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), help="Write all counts to a JSON file.")
-def main(*, source: str, seeds: int, trials: int | None, games: int, workers: int, out: Path | None) -> None:
-    """Learn a recipe with [coordination] in several ways and print what each came to, with 95 % Wilson intervals."""
+@output_options
+def coordination(
+    *,
+    source: str,
+    seeds: int,
+    trials: int | None,
+    games: int,
+    workers: int,
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Learn a recipe with [coordination] in several ways and print what each came to, with 95 % Wilson intervals.
+
+    RECIPE is a name, by default chapter3/shoot-avoiding, or a TOML file.
+
+    \b
+    Example: coevo reproduce coordination
+             coevo reproduce coordination --seeds 1 --trials 1000 --games 200
+    """
     recipe = read_recipe(source)
     if recipe.coordination is msgspec.UNSET:
-        raise click.UsageError(f"{source} coordinates no skills: it has no [coordination]")
+        raise InputError(f"{source} coordinates no skills: it has no [coordination]")
     if trials is not None:
         recipe = msgspec.structs.replace(recipe, trials=trials)
     results = [_alone(recipe, games)]
     jobs = (joblib.delayed(_learned)(recipe, way, seed, games) for way in _WAYS for seed in range(1, seeds + 1))
     for one in joblib.Parallel(n_jobs=workers, return_as="generator")(jobs):
         results.append(one)
-        note(f"{one['way']}, seed {one['seed']} done ({len(results) - 1} of {len(_WAYS) * seeds})")
-    if out is not None:
-        out.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+        note(f"{one['way']}, seed {one['seed']} done ({len(results) - 1} of {len(_WAYS) * seeds})", quiet=quiet)
     rows = [
         [
             one["way"],
@@ -107,8 +134,4 @@ def main(*, source: str, seeds: int, trials: int | None, games: int, workers: in
         for one in results
     ]
     header = ["way", "seed", "trials", "success in view", "collisions", "success anywhere", "collisions"]
-    click.echo(table(header, rows))
-
-
-if __name__ == "__main__":
-    main()
+    show(results, table(header, rows), as_json=as_json, out=out)

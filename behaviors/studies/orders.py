@@ -1,13 +1,10 @@
 """Which history lengths and orders are chosen for what a robot sees, with and without noise in its eyes.
 
-    python -m behaviors.studies.orders
-
 For Table 3.2 of Uchibe 1999: random actions of a robot with 4-wheel steering, a ball, a goal and a robot that stands.
 """
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,9 +18,9 @@ from behaviors.lpm import MAX_HISTORY_LENGTH, LocalPredictionModel, PersistentEx
 from behaviors.pair.models import residuals
 from behaviors.recipe import ExperienceSettings, ModelSettings, MoverSettings, Recipe
 from coevo.config import CameraSettings, RobotSettings, WorldSettings
-from coevo.console import note, table
+from coevo.console import note, output_options, show, table
 
-__all__ = ["main", "norms", "prediction_error", "whole_pixels"]
+__all__ = ["norms", "orders", "prediction_error", "whole_pixels"]
 
 _OBJECTS: tuple[Literal["ball", "opponent_goal", "robot"], ...] = ("ball", "opponent_goal", "robot")
 _FUTURE: tuple[Literal["keep", "project"], ...] = ("keep", "project")
@@ -109,8 +106,10 @@ def _cells(found: Sequence[dict[str, Any]]) -> list[str]:
 
 
 @click.command()
-@click.option("--noise", "noises", multiple=True, type=float, default=(0.0, 0.5, 1.0, 2.0), show_default=True)
-@click.option("--seeds", default=3, show_default=True, help="How many seeds, from 1 on.")
+@click.option(
+    "--noise", "noises", multiple=True, type=click.FloatRange(min=0.0), default=(0.0, 0.5, 1.0, 2.0), show_default=True
+)
+@click.option("--seeds", type=click.IntRange(min=1), default=3, show_default=True, help="How many seeds, from 1 on.")
 @click.option(
     "--windows",
     type=click.IntRange(min=1000),
@@ -119,8 +118,16 @@ def _cells(found: Sequence[dict[str, Any]]) -> list[str]:
     help="Steps in view that a model is identified from.",
 )
 @click.option("--out", type=click.Path(path_type=Path), help="Write all numbers to a JSON file.")
-def main(*, noises: tuple[float, ...], seeds: int, windows: int, out: Path | None) -> None:
-    """Print the history lengths and orders that are chosen, for each standard deviation of noise in pixels."""
+@output_options
+def orders(
+    *, noises: tuple[float, ...], seeds: int, windows: int, out: Path | None, as_json: bool, quiet: bool
+) -> None:
+    """Print the history lengths and orders that are chosen, for each standard deviation of noise in pixels.
+
+    \b
+    Example: coevo reproduce orders
+             coevo reproduce orders --seeds 1 --noise 0 --noise 1
+    """
     told: list[dict[str, Any]] = []
     for seed in range(1, seeds + 1):
         for noise_px in noises:
@@ -134,9 +141,7 @@ def main(*, noises: tuple[float, ...], seeds: int, windows: int, out: Path | Non
                         warnings.simplefilter("ignore", PersistentExcitationWarning)  # long histories need more
                         chosen = _chosen(kind, seen[kind], windows)
                     told += [{"sight": name, "seed": seed, **one} for one in chosen]
-            note(f"seed {seed}, noise {noise_px:g} px done")
-    if out is not None:
-        out.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+            note(f"seed {seed}, noise {noise_px:g} px done", quiet=quiet)
     groups: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for one in told:
         key = (one["object"], one["future_inputs"], one["history_rule"], one["sight"])
@@ -152,8 +157,4 @@ def main(*, noises: tuple[float, ...], seeds: int, windows: int, out: Path | Non
         "error [px]",
         "relative",
     ]
-    click.echo(table(header, [_cells(groups[key]) for key in sorted(groups)]))
-
-
-if __name__ == "__main__":
-    main()
+    show(told, table(header, [_cells(groups[key]) for key in sorted(groups)]), as_json=as_json, out=out)

@@ -1,7 +1,5 @@
 """How fast learning is on this machine, beside the pure physics of as many steps.
 
-    python -m behaviors.studies.speed
-
 A trial of learning is physics, camera, state estimate, table and update. The ratio to physics holds on any machine; the
 times are this one's.
 """
@@ -11,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import click
 import numpy as np
@@ -28,18 +25,17 @@ from behaviors.tabular.decisions import make_decisions
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import make_table
 from coevo.config import WorldSettings
-from coevo.console import note, table
+from coevo.console import note, output_options, show, table
+from coevo.seeds import SetStream, SkillStream, game_seeds
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params, replay
-from coevo.soccer.rng import game_seed
 from coevo.soccer.world import World
 
-__all__ = ["main", "physics_seconds"]
+__all__ = ["physics_seconds", "speed"]
 
-_SCHEDULE = Path("runs") / "chapter3" / "schedule.toml"
+_SCHEDULE = "chapter3/schedule"
 _HELD = 10  # steps a random primitive is held while pure physics is timed
 _AT_ONCE = 900
-_STREAM = 9  # of the random seeds of the pair's trials
 
 
 def physics_seconds(world: WorldSettings, robots: int, steps: int) -> float:
@@ -68,7 +64,7 @@ def _alone(name: str, trials: int) -> tuple[WorldSettings, int, float, int]:
 
     def run(count: int) -> tuple[float, int]:
         outcomes, steps = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        seeds = np.array([game_seed(recipe.seed, n) for n in range(count)], np.uint64)
+        seeds = game_seeds(recipe.seed, SkillStream.LEARNING, count=count)
         began = time.perf_counter()
         run_trials(scene, learner, True, LEARNED, 0, trials, seeds, values, decisions, outcomes, steps)
         return time.perf_counter() - began, int(steps.sum())
@@ -87,31 +83,48 @@ def _pair(roles: tuple[int, int], trials: int) -> tuple[WorldSettings, int, floa
         agent.values = None
     pair = one.pair(roles, [one.table(agent, duty) for agent in one.agents])
     began = time.perf_counter()
-    found = one.run(pair, (_STREAM,), trials, total=trials)
+    found = one.run(pair, (SetStream.TIMING,), trials, total=trials)
     return schedule.world, 2, time.perf_counter() - began, int(found.steps.sum())
 
 
 @click.command()
-@click.option("--trials", default=5000, show_default=True, help="Of each learning; exploration falls within them.")
-def main(*, trials: int) -> None:
-    """Time trials of learning, and the physics of as many steps alone."""
-    note("Compiling what is not compiled yet for this machine ...")
+@click.option(
+    "--trials",
+    type=click.IntRange(min=1),
+    default=5000,
+    show_default=True,
+    help="Of each learning; exploration falls within them.",
+)
+@output_options
+def speed(*, trials: int, as_json: bool, quiet: bool) -> None:
+    """Time trials of learning, and the physics of as many steps alone.
+
+    \b
+    Example: coevo reproduce speed --trials 25000
+    """
+    note("Compiling what is not compiled yet for this machine ...", quiet=quiet)
     runs: list[tuple[str, Callable[[], tuple[WorldSettings, int, float, int]]]] = [
         *((name, partial(_alone, name, trials)) for name in installed_recipes()),
         ("chapter 3, period A", partial(_pair, (LEARNING, STATIONARY), trials)),
         ("chapter 3, both learn", partial(_pair, (LEARNING, LEARNING), trials)),
     ]
-    rows = []
+    rows, data = [], []
     for label, run in runs:
         world, robots, seconds, steps = run()
         physics = physics_seconds(world, robots, steps)
         rate, micro = trials / seconds, 1e6 / steps
         cells = f"{rate:.0f}", f"{25_000 / rate:.0f}", f"{steps / trials:.0f}", f"{seconds * micro:.2f}"
         rows.append([label, *cells, f"{physics * micro:.2f}", f"{seconds / physics:.2f}"])
-        note(f"{label} timed")
+        data.append(
+            {
+                "learning": label,
+                "trials_per_second": rate,
+                "steps_per_trial": steps / trials,
+                "microseconds_per_step": seconds * micro,
+                "pure_physics_microseconds_per_step": physics * micro,
+                "ratio_to_pure_physics": seconds / physics,
+            }
+        )
+        note(f"{label} timed", quiet=quiet)
     header = ["learning", "trials/s", "25,000 trials [s]", "steps a trial", "us a step", "physics alone", "ratio"]
-    click.echo(table(header, rows))
-
-
-if __name__ == "__main__":
-    main()
+    show(data, table(header, rows), as_json=as_json)

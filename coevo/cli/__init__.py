@@ -2,53 +2,26 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import os
 import sys
-from typing import Any
 
 import click
 
 from coevo.cli.bench import bench
 from coevo.cli.evolving import evolve, resume
+from coevo.cli.plugins import PluggedGroup
+from coevo.cli.reproducing import reproduce
 from coevo.cli.showing import inspect, play
-from coevo.errors import InputError, nearest_name
+from coevo.errors import InputError
 
 __all__ = ["main"]
 
 
-class _Commands(click.Group):
-    """Commands of coevo, and those that other packages add as entry points ``coevo.commands``."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        own = super().list_commands(ctx)
-        return [*own, *sorted(point.name for point in _added() if point.name not in own)]
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        command = super().get_command(ctx, cmd_name)
-        if command is None:
-            for point in _added():
-                if point.name == cmd_name:
-                    loaded: click.Command = point.load()
-                    return loaded
-        return command
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
-            known = self.list_commands(ctx)
-            raise InputError(
-                f"there is no command {args[0]!r}.{nearest_name(args[0], known)} Commands: {', '.join(known)}"
-            )
-        return super().resolve_command(ctx, args)
-
-
-def _added() -> Any:
-    return importlib.metadata.entry_points(group="coevo.commands")
-
-
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    cls=PluggedGroup,
+    entry_points="coevo.commands",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.version_option(package_name="coevo")
 def _cli() -> None:
     """Co-evolve teams of robots: trees that choose among learned skills, tried out in vision-based soccer.
@@ -61,7 +34,7 @@ def _cli() -> None:
     """
 
 
-for _command in (evolve, resume, inspect, play, bench):
+for _command in (evolve, resume, inspect, play, bench, reproduce):
     _cli.add_command(_command)
 
 

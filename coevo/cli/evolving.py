@@ -5,39 +5,20 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from coevo.config import RunSettings, check, override, read_toml
+from coevo.config import RunSettings
 from coevo.console import Progress, duration, emit, note, output_options, table
-from coevo.errors import InputError, nearest_name
+from coevo.recipes import read_settings
 
 if TYPE_CHECKING:
     from coevo.evolution import GenerationReport
     from coevo.run import Run
 
-__all__ = ["evolve", "read_recipe", "resume"]
-
-
-def _presets() -> dict[str, Path]:
-    folder = Path(str(files("coevo"))) / "presets"
-    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
-
-
-def read_recipe(recipe: str) -> dict[str, Any]:
-    """Read a preset by name, or a TOML file by path, as plain data."""
-    if recipe.endswith(".toml") or os.sep in recipe:
-        return read_toml(Path(recipe))
-    presets = _presets()
-    if recipe not in presets:
-        raise InputError(
-            f"there is no preset {recipe!r}.{nearest_name(recipe, presets)} Presets: {', '.join(presets)};"
-            " a recipe of your own is a file that ends with .toml"
-        )
-    return read_toml(presets[recipe])
+__all__ = ["evolve", "resume"]
 
 
 def _cores() -> int:
@@ -87,12 +68,10 @@ def evolve(
     Presets: two-learners, stationary-opponent, three-learners, smoke.
     Example: coevo evolve three-learners --seed 3 --set fitness.kind=varying
     """
-    data = override(read_recipe(recipe), assignments)
-    if seed is not None:
-        data["seed"] = seed
-    if generations is not None:
-        data = override(data, [f"gp.generations={generations}"])
-    settings = check(RunSettings, data, recipe if recipe.endswith(".toml") else f"the preset {recipe}")
+    changes = list(assignments)
+    changes += [] if seed is None else [f"seed={seed}"]
+    changes += [] if generations is None else [f"gp.generations={generations}"]
+    settings = read_settings(RunSettings, recipe, changes)
     from coevo.evolution.evaluation import check_backend
     from coevo.game import StartsDoNotFitError, load_bank
     from coevo.run import create_run

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from coevo.config.reader import NonNegative, Positive, Settings, Share
+from coevo.config.reader import FileSettings, NonNegative, Positive, Settings, Share
 from coevo.config.world import StartSettings, WorldSettings
 
 __all__ = [
@@ -33,11 +33,9 @@ class PlayerSettings(Settings, frozen=True, kw_only=True):
 
 
 class GameSettings(Settings, frozen=True, kw_only=True):
-    """When a game ends and what counts as a pass and a collision."""
+    """When a game ends, and where the ball starts; what counts as a pass and a collision: see RuleSettings."""
 
     time_limit_steps: Annotated[int, Meta(ge=1, le=100_000)] = 1000  # [C] a game ends with a goal or with time [T]
-    pass_window_s: NonNegative = 3.0  # [C] "in a short time"
-    collision_release_m: NonNegative = 0.02  # [C] robots must part by this before a new collision counts
     ball_start: StartSettings
 
 
@@ -45,7 +43,7 @@ class CategorySettings(Settings, frozen=True, kw_only=True):
     """Limits of the image categories of Table 6.1.
 
     The limits of area are about terciles over the visible samples of random play in the presets, which
-    'python -m analysis.categories' measures.
+    'coevo reproduce categories' measures.
     """
 
     left_below_px: Positive = 64.0 / 3.0  # [C] thirds of the image
@@ -119,9 +117,10 @@ class EvaluationSettings(Settings, frozen=True, kw_only=True):
     grouping: Literal["random"] = "random"  # [T] each individual plays in one grouping a generation
 
 
-class RunSettings(Settings, frozen=True, kw_only=True):
+class RunSettings(FileSettings, frozen=True, kw_only=True):
     """A whole experiment: 'coevo evolve' takes exactly this."""
 
+    kind: Literal["evolution"] = "evolution"
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")] = "run"  # a part of the run folder's name
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     world: WorldSettings = WorldSettings()

@@ -16,7 +16,19 @@ from msgspec import Meta, Struct
 
 from coevo.errors import InputError, nearest_name
 
-__all__ = ["NonNegative", "Positive", "Range", "Settings", "Share", "check", "override", "read_toml", "to_toml"]
+__all__ = [
+    "FileSettings",
+    "NonNegative",
+    "Positive",
+    "Range",
+    "Settings",
+    "Share",
+    "check",
+    "file_kind",
+    "override",
+    "read_toml",
+    "to_toml",
+]
 
 _S = TypeVar("_S", bound=Struct)
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
@@ -29,12 +41,35 @@ class Settings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Base of all settings: frozen, by keyword only, no unknown keys."""
 
 
+class FileSettings(Settings, frozen=True, kw_only=True):
+    """Base of what a whole file holds; each has a field ``kind``, whose one value says what the file is."""
+
+
+# What each kind of file is, and the command that takes it.
+_KINDS = {
+    "evolution": ("an experiment of evolution", "coevo evolve"),
+    "skill": ("the recipe of a skill", "coevo learn"),
+    "schedule": ("a schedule of two robots", "coevo reproduce chapter3"),
+}
+# Settings that have another name, or stand elsewhere, than they once did.
+_MOVED = {
+    "game.pass_window_s": "world.rules.pass_window_s",
+    "game.collision_release_m": "world.rules.collision_release_m",
+    "pass_window_s": "world.rules.pass_window_s",
+    "kind = 'scheduled'": "periods = 'scheduled'",
+    "kind = 'simultaneous'": "periods = 'simultaneous'",
+}
+
+
 def check(kind: type[_S], data: Mapping[str, Any], source: str) -> _S:
     """Make settings of ``kind`` from plain data, as TOML gives it.
 
     Raises:
-        InputError: a key is unknown (the nearest is offered), a value has the wrong type or is out of range.
+        InputError: a key is unknown (the nearest is offered), a value has the wrong type or is out of range, or it is
+            a file of another kind (the command that takes it is offered).
     """
+    if issubclass(kind, FileSettings):
+        _check_file_kind(file_kind(kind), data, source)
     _check_keys(kind, data, source, "")
     try:
         return msgspec.convert(dict(data), kind)
@@ -47,6 +82,24 @@ def check(kind: type[_S], data: Mapping[str, Any], source: str) -> _S:
             text = f"expected one of {', '.join(map(repr, _choices(kind, path)))}"
         got = f", got {came!r}" if path and not isinstance(came, Mapping) and "got" not in text else ""
         raise InputError(f"{source}: {path + ': ' if path else ''}{text.replace('`', '')}{got}") from None
+
+
+def file_kind(kind: type[FileSettings]) -> str:
+    """Return what a file of these settings says it is."""
+    return next(str(field.default) for field in msgspec.structs.fields(kind) if field.name == "kind")
+
+
+def _check_file_kind(wanted: str, data: Mapping[str, Any], source: str) -> None:
+    """Refuse a file that says it is of another kind; one that says nothing is taken for what it should be."""
+    came = data.get("kind", wanted)
+    if came == wanted:
+        return
+    if isinstance(came, str) and came in _KINDS:
+        what, command = _KINDS[came]
+        raise InputError(f"{source} is {what}, not {_KINDS[wanted][0]}: '{command}' takes it")
+    moved = _MOVED.get(f"kind = {came!r}")
+    hint = f"; write {moved} for what was kind = {came!r}" if moved else ""
+    raise InputError(f"{source}: kind: expected {wanted!r}, got {came!r}{hint}")
 
 
 def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
@@ -63,6 +116,8 @@ def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
     for key, value in data.items():
         here = f"{path}.{key}" if path else str(key)
         if key not in fields:
+            if here in _MOVED:
+                raise InputError(f"{source}: {here} is {_MOVED[here]} now")
             known = nearest_name(str(key), fields) or f" Known here: {', '.join(fields)}."
             raise InputError(f"{source}: unknown setting {here!r}.{known}")
         _check_keys(fields[key], value, source, here)

@@ -1,4 +1,4 @@
-"""Settings of the world: field, ball, robot, camera, physics, and where bodies start."""
+"""Settings of the world: field, ball, robot, camera, physics, rules of play, and where bodies start."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ __all__ = [
     "FieldSettings",
     "PhysicsSettings",
     "RobotSettings",
+    "RuleSettings",
     "StartSettings",
     "WorldSettings",
 ]
@@ -104,14 +105,22 @@ class PhysicsSettings(Settings, frozen=True, kw_only=True):
     contact_gap_m: NonNegative = 0.004  # [C] bodies nearer than this touch
 
 
+class RuleSettings(Settings, frozen=True, kw_only=True):
+    """What counts as a pass and as a collision; a contact is ``physics.contact_gap_m``."""
+
+    pass_window_s: NonNegative = 3.0  # [C] "in a short time", from the last touch of the one to the first of the other
+    collision_release_m: NonNegative = 0.02  # [C] robots must part by this before a new collision counts
+
+
 class WorldSettings(Settings, frozen=True, kw_only=True):
-    """Everything physical."""
+    """Everything physical, and the rules of play."""
 
     field: FieldSettings = FieldSettings()
     ball: BallSettings = BallSettings()
     robot: RobotSettings = RobotSettings()
     camera: CameraSettings = CameraSettings()
     physics: PhysicsSettings = PhysicsSettings()
+    rules: RuleSettings = RuleSettings()
 
 
 class StartSettings(Settings, frozen=True, kw_only=True):

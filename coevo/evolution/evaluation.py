@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from coevo.config import RunSettings, check
 from coevo.errors import InputError
 from coevo.game import Arena, Outcome
-from coevo.soccer.rng import game_seed
+from coevo.seeds import RunStream, game_seeds
 from coevo.tree import Program
 
 __all__ = ["Evaluator", "check_backend", "group_seeds"]
 
-_GAMES = 3
 _JOBLIB = {"threads": "threading", "processes": "loky", "dask": "dask"}
 
 _local = threading.local()
@@ -28,7 +27,7 @@ _with_arena: set[threading.Thread] = set()
 
 def group_seeds(run_seed: int, generation: int, group: int, games: int) -> NDArray[np.uint64]:
     """Return the seeds of a group's games: each can be played again alone."""
-    return np.array([game_seed(run_seed, _GAMES, generation, group, game) for game in range(games)], np.uint64)
+    return game_seeds(run_seed, RunStream.GAMES, generation, group, count=games)
 
 
 def _arena(settings: bytes) -> Arena:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 
 import numpy as np
 from deap import base, gp, tools
 from numpy.typing import NDArray
 
 from coevo.config import GPSettings
+from coevo.seeds import RunStream, global_random
 from coevo.tree import FunctionSet
 
 __all__ = ["Individual", "breed", "codes_of", "first_population", "individual_of"]
-
-_CREATION, _VARIATION = 0, 1
 
 
 class _Fitness(base.Fitness):  # type: ignore[misc]  # DEAP carries no types
@@ -30,17 +28,6 @@ class Individual(gp.PrimitiveTree):  # type: ignore[misc]  # DEAP carries no typ
     def __init__(self, content: Sequence[gp.Primitive | gp.Terminal]) -> None:
         super().__init__(content)
         self.fitness = _Fitness()
-
-
-@contextmanager
-def _seeded(*key: int) -> Iterator[None]:
-    """Give DEAP, which draws from Python's global generator, a stream of its own, and put the old one back."""
-    before = random.getstate()
-    random.seed(int(np.random.SeedSequence(list(key)).generate_state(1, np.uint64)[0]))
-    try:
-        yield
-    finally:
-        random.setstate(before)
 
 
 def codes_of(individual: Individual, functions: FunctionSet) -> NDArray[np.uint8]:
@@ -58,7 +45,7 @@ def individual_of(codes: NDArray[np.uint8], functions: FunctionSet) -> Individua
 def first_population(settings: GPSettings, functions: FunctionSet, *, seed: int, robot: int) -> list[Individual]:
     """Return the first population of one robot: ramped half and half."""
     primitives, low, high = functions.primitives, settings.creation_depth_min, settings.creation_depth_max
-    with _seeded(seed, _CREATION, robot):
+    with global_random(seed, RunStream.CREATION, robot):
         return [Individual(gp.genHalfAndHalf(primitives, low, high)) for _ in range(settings.population)]
 
 
@@ -82,7 +69,7 @@ def breed(
         functions: the robot's function set.
         seed, generation, robot: identify the random stream; ``generation`` is that of the parents.
     """
-    with _seeded(seed, _VARIATION, generation, robot):
+    with global_random(seed, RunStream.VARIATION, generation, robot):
         limit = gp.staticLimit(key=lambda tree: tree.height, max_value=settings.crossover_depth_max)
 
         @limit

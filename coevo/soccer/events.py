@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.compiled import inlined
-from coevo.config import GameSettings, WorldSettings
+from coevo.config import WorldSettings
 from coevo.soccer.physics import PhysicsParams
 
 __all__ = [
@@ -48,12 +48,12 @@ class Events(NamedTuple):
     touched_at: NDArray[np.int64]
 
 
-def event_params(world: WorldSettings, game: GameSettings) -> EventParams:
+def event_params(world: WorldSettings) -> EventParams:
     """Return what the kernels need of the settings."""
     return EventParams(
         contact_gap=world.physics.contact_gap_m,
-        release_gap=game.collision_release_m,
-        pass_window=round(game.pass_window_s / world.physics.step_s),
+        release_gap=world.rules.collision_release_m,
+        pass_window=round(world.rules.pass_window_s / world.physics.step_s),
     )
 
 

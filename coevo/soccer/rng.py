@@ -1,4 +1,4 @@
-"""Random numbers inside compiled games: one stream a game, from one 64-bit seed (splitmix64)."""
+"""Random numbers inside compiled games: one stream a game, from one 64-bit seed (splitmix64; coevo.seeds)."""
 
 from __future__ import annotations
 
@@ -9,12 +9,7 @@ from numpy.typing import NDArray
 
 from coevo.compiled import helper
 
-__all__ = ["below", "game_seed", "normal", "uniform"]
-
-
-def game_seed(*key: int) -> np.uint64:
-    """Return the seed of one game from what identifies it, such as (run seed, generation, group, game)."""
-    return np.uint64(np.random.SeedSequence(list(key)).generate_state(1, np.uint64)[0])
+__all__ = ["below", "normal", "uniform"]
 
 
 @helper

@@ -1,7 +1,5 @@
 """Measure the limits of the size categories: terciles of area over the visible samples of random play.
 
-    python -m analysis.categories
-
 The defaults of coevo.config.CategorySettings are this, rounded.
 """
 
@@ -10,27 +8,42 @@ from __future__ import annotations
 import click
 import numpy as np
 
-from analysis._games import unseen_seeds
-from coevo.cli.evolving import read_recipe
-from coevo.config import RunSettings, check
-from coevo.console import table
+from analysis.games import unseen_seeds
+from coevo.config import RunSettings
+from coevo.console import output_options, show, table
 from coevo.evolution.population import codes_of, first_population
 from coevo.game import Arena
+from coevo.recipes import read_settings
 from coevo.soccer.camera import ROBOTS, camera_params, make_retina, object_count, see
 from coevo.tree import compile_program, function_set
 
-__all__ = ["main"]
+__all__ = ["categories"]
 
 
 @click.command()
 @click.argument("recipes", nargs=-1)
-@click.option("--teams", default=40, show_default=True, help="Random teams of each recipe, two games each.")
-@click.option("--seed", default=1, show_default=True)
-def main(*, recipes: tuple[str, ...], teams: int, seed: int) -> None:
-    """Print the terciles of the areas of ball, goals and robots, as robots of random trees see them."""
+@click.option(
+    "--teams",
+    type=click.IntRange(min=1),
+    default=40,
+    show_default=True,
+    help="Random teams of each recipe, two games each.",
+)
+@click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True)
+@output_options
+def categories(*, recipes: tuple[str, ...], teams: int, seed: int, as_json: bool, quiet: bool) -> None:
+    """Print the terciles of the areas of ball, goals and robots, as robots of random trees see them.
+
+    RECIPES are presets or TOML files, by default the three of section 6.4.
+
+    \b
+    Example: coevo reproduce categories
+             coevo reproduce categories three-learners --teams 10
+    """
+    del quiet  # it shows no progress
     areas: dict[str, list[float]] = {"ball": [], "goal": [], "robot": []}
     for recipe in recipes or ("two-learners", "stationary-opponent", "three-learners"):
-        settings = check(RunSettings, read_recipe(recipe), recipe)
+        settings = read_settings(RunSettings, recipe)
         arena, robots = Arena(settings), len(settings.players)
         functions = [function_set(robot, robots) for robot in range(robots)]
         populations = [first_population(settings.gp, functions[r], seed=seed, robot=r) for r in range(robots)]
@@ -51,12 +64,9 @@ def main(*, recipes: tuple[str, ...], teams: int, seed: int) -> None:
                             areas["ball"] += [seen[0]] if seen[0] else []
                             areas["goal"] += [area for area in seen[1:ROBOTS] if area]
                             areas["robot"] += [area for area in seen[ROBOTS:] if area]
-    rows = []
+    rows, data = [], []
     for kind, found in areas.items():
         low, high = np.quantile(found, [1 / 3, 2 / 3])
+        data.append({"seen": kind, "samples": len(found), "small_below_px": float(low), "large_from_px": float(high)})
         rows.append([kind, str(len(found)), f"{low:.0f}", f"{high:.0f}"])
-    click.echo(table(["seen", "samples", "small below [px]", "large from [px]"], rows))
-
-
-if __name__ == "__main__":
-    main()
+    show(data, table(["seen", "samples", "small below [px]", "large from [px]"], rows), as_json=as_json)

@@ -1,8 +1,5 @@
 """How much a setting's placement leaves to evolve: hand-typed teams and random trees, measured.
 
-    python -m analysis.placement two-learners
-    python -m analysis.placement three-learners --set game.time_limit_steps=800
-
 A placement is fit for co-evolution if random trees are far from the best hand-typed team, so that there is room, and
 if r0 passing and r1 shooting beats either robot alone and both shooting, so that it is worth it.
 """
@@ -12,15 +9,16 @@ from __future__ import annotations
 import click
 import numpy as np
 
-from analysis._games import mean_interval, play, programs_of, unseen_seeds
-from coevo.cli.evolving import read_recipe
-from coevo.config import RunSettings, check, override
-from coevo.console import table
+from analysis.games import play, programs_of, unseen_seeds
+from coevo.config import RunSettings
+from coevo.console import output_options, show, table
 from coevo.evolution.population import codes_of, first_population
 from coevo.game import Arena
+from coevo.recipes import read_settings
+from coevo.statistics import mean_interval
 from coevo.tree import from_codes, function_set, parse
 
-__all__ = ["main"]
+__all__ = ["placement"]
 
 _SHOOTER = "IF_ball_is_lost(search, shoot)"
 _PASSER = "IF_ball_is_lost(search, pass)"
@@ -39,15 +37,31 @@ _TEAMS = {
 
 @click.command()
 @click.argument("recipe")
-@click.option("--games", default=400, show_default=True)
-@click.option("--random-teams", default=60, show_default=True)
-@click.option("--seed", default=1, show_default=True)
-@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE")
-def main(*, recipe: str, games: int, random_teams: int, seed: int, assignments: tuple[str, ...]) -> None:
-    """Measure hand-typed teams and random trees of RECIPE; r2 shoots where it evolves, stands where it does not."""
-    settings = check(RunSettings, override(read_recipe(recipe), assignments), recipe)
+@click.option("--games", type=click.IntRange(min=1), default=400, show_default=True, help="A hand-typed team.")
+@click.option("--random-teams", type=click.IntRange(min=1), default=60, show_default=True, help="20 games each.")
+@click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True)
+@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Replaces a setting; may be repeated.")
+@output_options
+def placement(
+    *,
+    recipe: str,
+    games: int,
+    random_teams: int,
+    seed: int,
+    assignments: tuple[str, ...],
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Measure hand-typed teams and random trees of RECIPE; r2 shoots where it evolves, stands where it does not.
+
+    \b
+    Example: coevo reproduce placement two-learners
+             coevo reproduce placement three-learners --set game.time_limit_steps=800
+    """
+    del quiet  # it shows no progress
+    settings = read_settings(RunSettings, recipe, assignments)
     arena, robots = Arena(settings), len(settings.players)
-    rows = []
+    rows, data = [], []
     opponents = (
         [None, parse("search"), parse(_SHOOTER)] if robots > 2 and settings.players[2].control == "evolve" else [None]
     )
@@ -59,6 +73,15 @@ def main(*, recipe: str, games: int, random_teams: int, seed: int, assignments: 
             outcome = play(arena, trees, games=games, seed=seed)
             goals, lost = outcome.scorer == 0, outcome.scorer == 1
             low, high = mean_interval(goals.astype(float))[1:]
+            data.append(
+                {
+                    "team": name,
+                    "opponent": None if opponent is None else str(opponent),
+                    "goals": [20.0 * value for value in mean_interval(goals.astype(float))],
+                    "lost": 20.0 * float(lost.mean()),
+                    "steps": float(outcome.steps.mean()),
+                }
+            )
             rows.append(
                 [
                     name + ("" if opponent is None else f" / r2: {opponent}"),
@@ -83,13 +106,10 @@ def main(*, recipe: str, games: int, random_teams: int, seed: int, assignments: 
         outcome = arena.play(programs_of(trees), unseen_seeds(seed, 20))
         goals_20.append(outcome.goals_of(0))
     found = np.array(goals_20)
-    click.echo(f"{recipe}: goals of r0 and r1 in 20 games (95 % interval), {games} games a row")
-    click.echo(table(["team", "goals", "lost", "steps", "passes r0", "kicks", "collisions"], rows))
-    click.echo(
+    header = ["team", "goals", "lost", "steps", "passes r0", "kicks", "collisions"]
+    text = (
+        f"{recipe}: goals of r0 and r1 in 20 games (95 % interval), {games} games a row\n{table(header, rows)}\n"
         f"random trees ({len(found)} teams, 20 games each): mean {found.mean():.1f},"
         f" standard deviation {found.std():.1f}, best {found.max()}, none in {np.mean(found == 0):.0%}"
     )
-
-
-if __name__ == "__main__":
-    main()
+    show({"recipe": recipe, "games": games, "teams": data, "random_teams": found.tolist()}, text, as_json=as_json)

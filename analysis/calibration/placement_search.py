@@ -1,7 +1,5 @@
 """Search start regions in which passing is worth it: random placements, hand-typed teams, the best measured again.
 
-    python -m analysis.placement_search two-learners --candidates 200
-
 What counts is the fitness (6.1) that evolution sees, of both robots: it rewards touching the ball too, so that a robot
 that dribbles by itself may be fitter than one that passes though its team scores less. Each game runs to the longest
 time limit, and says what shorter ones would have made of it. docs/decisions/0004-placements.md says what was chosen.
@@ -16,15 +14,15 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._games import play
-from coevo.cli.evolving import read_recipe
-from coevo.config import RunSettings, check
-from coevo.console import note, table
+from analysis.games import play
+from coevo.config import RunSettings, check, file_kind
+from coevo.console import note, output_options, show, table
 from coevo.fitness import fixed
 from coevo.game import Arena, StartsDoNotFitError
+from coevo.recipes import read_recipe
 from coevo.tree import parse
 
-__all__ = ["main"]
+__all__ = ["placement_search"]
 
 _SHOOTER = "IF_ball_is_lost(search, shoot)"
 _PASSER = "IF_ball_is_lost(search, pass)"
@@ -93,19 +91,27 @@ def _least(worths: list[_Worth]) -> NDArray[np.float64]:
 
 @click.command()
 @click.argument("recipe")
-@click.option("--candidates", default=200, show_default=True)
+@click.option("--candidates", type=click.IntRange(min=1), default=200, show_default=True)
 @click.option(
     "--games",
+    type=click.IntRange(min=1),
     default=150,
     show_default=True,
     help="A team in the search; the best are measured with four times as many.",
 )
-@click.option("--seed", default=1, show_default=True)
+@click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True)
 @click.option("--opponent", default=None, help="Tree of r2 if it evolves.")
-def main(*, recipe: str, candidates: int, games: int, seed: int, opponent: str | None) -> None:
-    """Print the placements and time limits of RECIPE where passing makes both robots fittest."""
+@output_options
+def placement_search(
+    *, recipe: str, candidates: int, games: int, seed: int, opponent: str | None, as_json: bool, quiet: bool
+) -> None:
+    """Print the placements and time limits of RECIPE where passing makes both robots fittest.
+
+    \b
+    Example: coevo reproduce placement-search two-learners --candidates 200
+    """
     random = np.random.default_rng(seed)
-    plain = read_recipe(recipe)
+    plain = read_recipe(recipe, file_kind(RunSettings))
     found: list[tuple[float, dict[str, Any]]] = []
     for number in range(candidates):
         data = _placement(plain, random)
@@ -119,8 +125,8 @@ def main(*, recipe: str, candidates: int, games: int, seed: int, opponent: str |
             passing = _least([_worth(arena, team, opponent, games, seed) for team in _PASSING])
             found.append((float((alone - passing).max()), data))
         if (number + 1) % 50 == 0:
-            note(f"{number + 1} of {candidates} placements")
-    rows = []
+            note(f"{number + 1} of {candidates} placements", quiet=quiet)
+    rows, told = [], []
     for _, data in sorted(found, key=lambda item: -item[0])[:8]:
         arena = Arena(check(RunSettings, data, recipe))
         alone_worth = [_worth(arena, team, opponent, 4 * games, seed + 1) for team in _ALONE]
@@ -128,6 +134,9 @@ def main(*, recipe: str, candidates: int, games: int, seed: int, opponent: str |
         gain = _least(alone_worth) - _least(passing_worth)
         at = int(gain.argmax())
         where = [data["game"]["ball_start"], *(player["start"] for player in data["players"][:2])]
+        told.append(
+            {"game": data["game"], "players": data["players"], "steps": int(_LIMITS[at]), "gain": float(gain[at])}
+        )
         rows.append(
             [
                 *(f"x {np.mean(w['x_m']):.1f} y {np.mean(w['y_m']):.1f} {w.get('facing', '')}" for w in where),
@@ -140,8 +149,4 @@ def main(*, recipe: str, candidates: int, games: int, seed: int, opponent: str |
             ]
         )
     header = ["ball", "r0", "r1", "steps", "r0 / r1 / both shoot / hand-typed", "four teams that pass", "fitness gain"]
-    click.echo(table(header, rows))
-
-
-if __name__ == "__main__":
-    main()
+    show(told, table(header, rows), as_json=as_json)

@@ -1,0 +1,99 @@
+"""Every random stream: what it is for, and how it follows from a seed that a person gave.
+
+A seed that is given is a root: of a run, of a learning, of a set of chapter 3. What is drawn from it comes in streams,
+each with a number of its own, and a stream has a seed for each thing that can be done again alone, such as a game. A
+run's seed and that of games outside the run may be equal: they are one root, so that their games differ all the same.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import IntEnum, unique
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "RunStream",
+    "SetStream",
+    "SkillStream",
+    "StartsSeed",
+    "game_seed",
+    "game_seeds",
+    "generator",
+    "global_random",
+]
+
+
+@unique
+class RunStream(IntEnum):
+    """Streams of a run's seed, and of the seeds of games outside a run."""
+
+    CREATION = 0  # of the first trees, a robot
+    VARIATION = 1  # of children, a generation and robot
+    GROUPING = 2  # a generation
+    GAMES = 3  # of evolution: a generation, group and game
+    PLAY = 4  # to look at: a game
+    UNSEEN = 5  # that say how good trees are: a game
+    BENCH = 9  # whose speed is measured: a group and game
+
+
+@unique
+class SkillStream(IntEnum):
+    """Streams of the seed that a skill is learned or measured with."""
+
+    EXPERIENCE = 0  # random actions that models are identified from: a part
+    LEARNING = 1  # a trial
+    EVALUATION = 2  # a trial
+    CHECK = 3  # of the table while it is learned: a trial, the same in all checks
+    STEPS = 4  # that a skill takes to its goal, for the coordination of several: a trial
+
+
+@unique
+class SetStream(IntEnum):
+    """Streams of the seed of a set of chapter 3."""
+
+    GATHERING = 0  # random actions: a period and trial
+    LEARNING = 1  # a period and trial
+    CHECKS = 2  # a period and trial, the same in all checks of a period
+    AFTERWARDS = 3  # a trial
+    ELSEWHERE = 4  # in the other world: a period and trial
+    TIMING = 9  # a trial
+
+
+@unique
+class StartsSeed(IntEnum):
+    """Seeds of the starts that skills are measured on: those of a card are not those of a study."""
+
+    CARDS = 1_000_000
+    SKILLS = 2_000_000  # of several seeds, and of several ways to coordinate skills
+    ABLATION = 4_000_000
+    GREEDY = 5_000_000
+
+
+def game_seed(*key: int) -> np.uint64:
+    """Return the seed of one game from what identifies it, such as (run seed, stream, generation, group, game)."""
+    return np.uint64(np.random.SeedSequence(list(key)).generate_state(1, np.uint64)[0])
+
+
+def game_seeds(*key: int, count: int, first: int = 0) -> NDArray[np.uint64]:
+    """Return (count,) seeds of the games or trials number ``first`` and following of a stream."""
+    return np.array([game_seed(*key, first + n) for n in range(count)], np.uint64)
+
+
+def generator(*key: int) -> np.random.Generator:
+    """Return numpy's generator for what identifies a stream."""
+    return np.random.default_rng(np.random.SeedSequence(list(key)))
+
+
+@contextmanager
+def global_random(*key: int) -> Iterator[None]:
+    """Give DEAP, which draws from Python's global generator, a stream of its own, and put the old one back."""
+    before = random.getstate()
+    random.seed(int(game_seed(*key)))
+    try:
+        yield
+    finally:
+        random.setstate(before)

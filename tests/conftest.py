@@ -5,8 +5,6 @@ from __future__ import annotations
 import copy
 import gc
 import itertools
-import tomllib
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -16,6 +14,7 @@ from hypothesis import strategies as st
 from coevo.config import RunSettings, check, override
 from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
+from coevo.recipes import read_recipe, recipe_names
 from coevo.run import create_run, open_run
 from coevo.tree import CATEGORIES, SKILLS, Tree
 
@@ -24,7 +23,6 @@ settings.load_profile("unhurried")
 
 # What r0 of three robots can ask about.
 OBJECTS = ("ball", "own_goal", "opponent_goal", "r1", "r2")
-PRESETS = Path(str(files("coevo"))) / "presets"
 # Small enough for a run in about a second, and yet robots meet the ball, and trees grow.
 SMALL = (
     "gp.population=6",
@@ -83,7 +81,7 @@ def situations():
 @pytest.fixture(scope="session")
 def recipe():
     """Return a function that gives a preset as plain data: all through a session the same."""
-    presets = {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in PRESETS.glob("*.toml")}
+    presets = {name: read_recipe(name, "evolution") for name in recipe_names("evolution")}
     return lambda name: copy.deepcopy(presets[name])
 
 

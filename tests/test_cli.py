@@ -112,7 +112,7 @@ def refused(said, *parts):
         pytest.param(["fly"], ["no command 'fly'", "Commands: ", "inspect"], id="nothing near"),
         pytest.param(["evolve"], ["Missing argument 'RECIPE'", "coevo evolve --help"], id="no recipe"),
         pytest.param(["evolve", "smoke", "three-learners"], ["unexpected extra argument (three-learners)"], id="two"),
-        pytest.param(["evolve", "smok"], ["there is no preset 'smok'. Did you mean 'smoke'?", ".toml"], id="preset"),
+        pytest.param(["evolve", "smok"], ["there is no recipe 'smok'. Did you mean 'smoke'?", ".toml"], id="preset"),
         pytest.param(["evolve", "three_learners"], ["Did you mean 'three-learners'?"], id="preset with _"),
         pytest.param(["evolve", "smoke", "--sed", "3"], ["'--sed'", "--seed"], id="option"),
         pytest.param(["evolve", "smoke", "--seed", "-1"], ["'--seed'", "-1 is not in the range"], id="seed below 0"),
@@ -124,12 +124,12 @@ def refused(said, *parts):
         ),
         pytest.param(
             ["evolve", "smoke", "--set", "gp.populatoin=4"],
-            ["the preset smoke: unknown setting 'gp.populatoin'. Did you mean 'population'?"],
+            ["the recipe smoke: unknown setting 'gp.populatoin'. Did you mean 'population'?"],
             id="unknown setting",
         ),
         pytest.param(
             ["evolve", "smoke", "--set", "gp.population=1"],
-            ["the preset smoke: gp.population: expected int >= 2, got 1"],
+            ["the recipe smoke: gp.population: expected int >= 2, got 1"],
             id="setting out of range",
         ),
         pytest.param(

@@ -153,6 +153,44 @@ def test_a_wrong_setting_is_named_with_what_was_expected_and_what_came(assignmen
     assert message in refused(override(recipe("smoke"), [assignment]))
 
 
+@pytest.mark.parametrize(
+    ("assignment", "message"),
+    [
+        ("game.pass_window_s=2", "no setting 'game.pass_window_s'; it is 'world.rules.pass_window_s' now"),
+        ("game.collision_release_m=0.1", "no setting 'game.collision_release_m'; it is 'world.rules.collision_release_m' now"),
+    ],
+)
+def test_a_setting_that_has_moved_is_refused_with_where_it_is(assignment, message, recipe):
+    assert message in refused(override(recipe("smoke"), [assignment]))
+    new = message.split("'")[3]
+    settings = check(RunSettings, override(recipe("smoke"), [f"{new}={assignment.partition('=')[2]}"]), "")
+    assert getattr(settings.world.rules, new.rpartition(".")[2]) == float(assignment.partition("=")[2])
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("skill", "recipe.toml is the recipe of a skill, not an experiment of evolution: 'coevo learn' takes it"),
+        ("schedule", "recipe.toml is a schedule of two robots, not an experiment of evolution: 'coevo reproduce ch"),
+        ("evolutoin", "recipe.toml: kind: expected 'evolution', got 'evolutoin'"),
+        (7, "recipe.toml: kind: expected 'evolution', got 7"),
+        (["evolution"], "recipe.toml: kind: expected 'evolution', got ['evolution']"),
+        ("simultaneous", "got 'simultaneous'; write periods = 'simultaneous' for what was kind = 'simultaneous'"),
+    ],
+)
+def test_a_file_of_another_kind_is_refused_whatever_else_it_holds(kind, message):
+    with pytest.raises(InputError) as caught:
+        check(RunSettings, {"kind": kind, "passer": 1}, "recipe.toml")
+    assert message in str(caught.value)
+
+
+def test_a_file_that_does_not_say_its_kind_is_taken_for_what_is_wanted(recipe):
+    told = recipe("smoke")
+    assert told.pop("kind") == "evolution"
+    assert check(RunSettings, told, "") == check(RunSettings, recipe("smoke"), "")
+    assert to_toml(check(RunSettings, told, "")).startswith('kind = "evolution"\n')
+
+
 def test_somebody_must_evolve(recipe):
     still = [f"players.{i}.control=stationary" for i in range(3)]
     assert 'players: at least one must have control = "evolve"' in refused(override(recipe("smoke"), still))

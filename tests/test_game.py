@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from coevo.config import GPSettings, RunSettings, check, override, read_toml
+from coevo.config import GPSettings, RunSettings
 from coevo.errors import InputError
 from coevo.evolution.population import codes_of, first_population
 from coevo.game import Arena, warm_up
 from coevo.plain import PlainGame
+from coevo.recipes import read_settings
+from coevo.seeds import game_seed, game_seeds
 from coevo.skill import ObjectModel, Skill
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL
-from coevo.soccer.rng import game_seed
 from coevo.tree import CATEGORIES, SKILLS, Tree, from_codes, function_set, parse
 from coevo.tree.program import compile_program, tree_codes
 
@@ -27,8 +26,7 @@ HAND_TYPED, PASSES = "IF_ball_is_lost(search, shoot)", "IF_ball_is_lost(search, 
 
 def settings_of(preset, *assignments):
     """Return the settings of a preset, with some replaced."""
-    path = Path(str(files("coevo"))) / "presets" / f"{preset}.toml"
-    return check(RunSettings, override(read_toml(path), assignments), preset)
+    return read_settings(RunSettings, preset, assignments)
 
 
 def controlled(settings):
@@ -62,7 +60,7 @@ def the_same_tree(settings, text):
 
 
 def seeds_of(*key, count):
-    return np.array([game_seed(*key, game) for game in range(count)], np.uint64)
+    return game_seeds(*key, count=count)
 
 
 def random_skill(path, name, kinds, rng, drive):

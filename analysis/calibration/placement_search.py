@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from analysis.games import play
 from coevo.config import RunSettings, check, file_kind
 from coevo.console import note, output_options, show, table
+from coevo.errors import InputError
 from coevo.fitness import fixed
 from coevo.game import Arena, StartsDoNotFitError
 from coevo.recipes import read_recipe
@@ -112,6 +113,9 @@ def placement_search(
     """
     random = np.random.default_rng(seed)
     plain = read_recipe(recipe, file_kind(RunSettings))
+    others = check(RunSettings, plain, recipe).players[2:]
+    if opponent is None and any(player.control == "evolve" for player in others):
+        raise InputError(f"in {recipe} another robot evolves too: say how it plays, as in --opponent shoot")
     found: list[tuple[float, dict[str, Any]]] = []
     for number in range(candidates):
         data = _placement(plain, random)

@@ -117,7 +117,7 @@ def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
         here = f"{path}.{key}" if path else str(key)
         if key not in fields:
             if here in _MOVED:
-                raise InputError(f"{source}: {here} is {_MOVED[here]} now")
+                raise InputError(f"{source}: there is no setting {here!r}; it is {_MOVED[here]!r} now")
             known = nearest_name(str(key), fields) or f" Known here: {', '.join(fields)}."
             raise InputError(f"{source}: unknown setting {here!r}.{known}")
         _check_keys(fields[key], value, source, here)

@@ -7,17 +7,14 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy import stats
-from statsmodels.stats.proportion import proportion_confint
 
 from behaviors import learning
 from behaviors.alone.experience import experience
 from behaviors.alone.scene import provisional_skill
 from behaviors.alone.task import COLLISION, FAILURE, GOING, SUCCESS, judge, task_params
 from behaviors.cards import make_card, measure
-from behaviors.learning import evaluate, learn, wilson_interval
+from behaviors.learning import evaluate, learn
 from behaviors.recipe import (
     ExperienceSettings,
     MoverSettings,
@@ -32,6 +29,7 @@ from coevo.skill.estimate import make_memory
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL
 from coevo.soccer.physics import physics_params
+from coevo.statistics import share_interval
 
 TASKS = ("shoot", "pass", "avoid", "search")
 
@@ -307,16 +305,6 @@ def test_a_skill_for_something_else_is_refused():
         evaluate(read_recipe("avoid"), load_skill("search"), games=5, seed=1)
 
 
-@given(st.integers(1, 3000), st.floats(0.0, 1.0))
-def test_the_wilson_interval_is_that_of_statsmodels(count, share):
-    successes = round(share * count)
-    low, high = wilson_interval(successes, count)
-    expected = proportion_confint(successes, count, alpha=0.05, method="wilson")
-    assert (low, high) == pytest.approx(expected, abs=1e-12)
-    assert 0.0 <= low <= successes / count + 1e-12
-    assert successes / count - 1e-12 <= high <= 1.0
-
-
 # ----------------------------------------------------------------------------------------------------- installed skills
 
 
@@ -350,7 +338,7 @@ def test_a_card_says_what_its_counts_say(cards, name):
     for data in [one for key in ("measured", "random_actions", "true_state_controller") for one in card[key].values()]:
         successes = data["success_rate"] * data["games"]
         assert successes == pytest.approx(round(successes))
-        assert data["ci95"] == pytest.approx(wilson_interval(round(successes), data["games"]))
+        assert data["ci95"] == pytest.approx(share_interval(round(successes), data["games"]))
         assert data["games"] >= 1000
     starts = ["in-view"] if name in ("avoid", "search") else ["in-view", "anywhere"]
     assert [list(card[key]) for key in ("measured", "random_actions", "true_state_controller")] == [starts] * 3

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 from scipy import stats
 
 from behaviors.alone.task import start_trial, task_params
-from behaviors.pair.recipe import read_schedule
 from behaviors.recipe import (
     MoverSettings,
     Recipe,
@@ -23,9 +21,9 @@ from behaviors.recipe import (
     recipe_digest,
 )
 from coevo.compiled import entry
-from coevo.config import check, read_toml, to_toml
+from coevo.config import check, to_toml
 from coevo.errors import InputError
-from coevo.skill import ObjectModel, Skill, make_bank
+from coevo.skill import ObjectModel, Skill, load_skill, make_bank
 from coevo.skill.estimate import make_memory
 from coevo.soccer.camera import (
     BALL,
@@ -137,6 +135,8 @@ def test_a_skill_file_tells_younger_settings_only_where_they_are_not_the_default
     recipe = check(Recipe, {**PLAIN, **parts}, "mine.toml")
     plain = plain_recipe(recipe)
     assert check(Recipe, plain, "told") == recipe
+    assert "kind" not in plain
+    assert "rules" not in plain["world"]
     every = msgspec.to_builtins(recipe)
     for told, known, given in [
         (plain["learning"], every["learning"], parts.get("learning", {})),
@@ -145,6 +145,21 @@ def test_a_skill_file_tells_younger_settings_only_where_they_are_not_the_default
         younger = {"estimator", "lost_states", "update", "discount_per", "storage"}
         assert set(known) - set(told) == (set(known) & younger) - set(given)
     assert recipe_digest(recipe) != recipe_digest(msgspec.structs.replace(recipe, trials=24_999))
+
+
+def test_other_rules_of_play_are_told_and_in_the_digest():
+    rules = {"pass_window_s": 2.0}
+    recipe = check(Recipe, {**PLAIN, "world": {"rules": rules}}, "mine.toml")
+    assert plain_recipe(recipe)["world"]["rules"] == {"pass_window_s": 2.0, "collision_release_m": 0.02}
+    assert check(Recipe, plain_recipe(recipe), "told") == recipe
+    assert recipe_digest(recipe) != recipe_digest(check(Recipe, PLAIN, "mine.toml"))
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_the_installed_skills_tell_the_recipe_that_they_were_learned_by(name):
+    about, recipe = load_skill(name).about, read_recipe(name)
+    assert recipe_digest(recipe) == about["recipe_digest"]
+    assert check(Recipe, dict(about["recipe"]), name) == recipe
 
 
 def test_every_younger_setting_is_in_the_digest():
@@ -160,8 +175,7 @@ def test_every_younger_setting_is_in_the_digest():
 
 
 def test_the_literal_learner_has_the_numbers_of_the_text():
-    path = Path(__file__).parents[2] / "runs" / "chapter3" / "literal-shoot.toml"
-    recipe = check(Recipe, read_toml(path), path.name)
+    recipe = read_recipe("chapter3/literal-shoot")
     assert (recipe.learning.update, recipe.learning.gamma, recipe.learning.discount_per) == ("one-step", 0.9, "action")
     assert recipe.learning.epsilon_start == recipe.learning.epsilon_end
     assert [(model.cell, model.lost_states) for model in recipe.objects] == [(1.0, 1), (1.0, 1)]
@@ -177,19 +191,6 @@ def test_the_recipes_of_the_four_skills_are_installed():
     for name in TASKS:
         recipe = read_recipe(name)
         assert recipe.name == recipe.task == name
-
-
-def test_a_schedule_is_no_recipe_of_a_skill_nor_the_other_way_round():
-    folder = Path(__file__).parents[2] / "runs" / "chapter3"
-    with pytest.raises(InputError, match=r"schedule\.toml is a schedule .*python -m behaviors\.studies\.chapter3"):
-        read_recipe(str(folder / "schedule.toml"))
-    with pytest.raises(InputError, match=r"literal-shoot\.toml is the recipe of a skill.*coevo learn"):
-        read_schedule(folder / "literal-shoot.toml")
-
-
-def test_an_unknown_name_is_answered_with_the_nearest_and_all():
-    with pytest.raises(InputError, match=r"no recipe for a skill 'shot'\. Did you mean 'shoot'\?.*avoid.*\.toml"):
-        read_recipe("shot")
 
 
 def test_a_file_of_ones_own_is_read_as_it_was_written(tmp_path):

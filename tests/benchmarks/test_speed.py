@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from coevo.config import RunSettings, check, read_toml
+from coevo.config import RunSettings
 from coevo.evolution.population import breed, codes_of, first_population
 from coevo.game import Arena
+from coevo.recipes import read_settings
+from coevo.seeds import game_seeds
 from coevo.soccer.camera import FEATURES, camera_params, make_retina, object_count, see
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params, replay
-from coevo.soccer.rng import game_seed
 from coevo.soccer.world import World
 from coevo.tree import function_set
 from coevo.tree.program import compile_program
@@ -24,8 +22,7 @@ STEPS, GAMES = 300, 20
 
 @pytest.fixture(scope="module")
 def settings():
-    path = Path(str(files("coevo"))) / "presets" / "three-learners.toml"
-    return check(RunSettings, read_toml(path), "three-learners")
+    return read_settings(RunSettings, "three-learners")
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +63,7 @@ def test_one_look(benchmark, settings):
 def test_the_games_of_one_team(benchmark, settings, team):
     """20 games between trees: physics, cameras, state estimates, tables and trees."""
     arena = Arena(settings)
-    seeds = np.array([game_seed(1, game) for game in range(GAMES)], np.uint64)
+    seeds = game_seeds(1, count=GAMES)
     outcome = benchmark(arena.play, team, seeds)
     assert outcome.steps.shape == (GAMES,)
     assert outcome.skill_steps.sum() == 3 * outcome.steps.sum()

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import msgspec
 import numpy as np
 import pytest
 
-from coevo.config import GameSettings, StartSettings, WorldSettings
+from coevo.config import PhysicsSettings, RuleSettings, WorldSettings
 from coevo.soccer import world
 from coevo.soccer.events import clear_events, event_params, goal_scored, make_events, out_of_field, record_contacts
 from coevo.soccer.physics import advance, physics_params
 
 WORLD = WorldSettings()
-GAME = GameSettings(ball_start=StartSettings(x_m=(1.0, 2.0), y_m=(1.0, 2.0)))
 CONTACT, RELEASE, WINDOW = 0.004, 0.02, 90  # metres, metres, steps
 APART = 1.0
 MATES = (0, 0)  # teams of robots
@@ -29,7 +27,7 @@ def play(teams, ball, pairs=None, steps=None):
     """
     pairs = pairs or {}
     robots, events = len(teams), make_events(len(teams))
-    params, numbers = event_params(WORLD, GAME), np.array(teams, np.int64)
+    params, numbers = event_params(WORLD), np.array(teams, np.int64)
     clear_events(events)
     for time in range(steps or max([*ball, *pairs]) + 1):
         ball_gap, robot_gap = np.full(robots, APART), np.full((robots, robots), APART)
@@ -57,9 +55,11 @@ def passes(teams, *touched):
 
 
 def test_limits_are_those_of_the_settings():
-    params = event_params(WORLD, GAME)
+    params = event_params(WORLD)
     assert params == (CONTACT, RELEASE, WINDOW)
-    assert event_params(WORLD, msgspec.structs.replace(GAME, pass_window_s=1.0)).pass_window == 30
+    rules = RuleSettings(pass_window_s=1.0, collision_release_m=0.5)
+    assert event_params(WorldSettings(rules=rules)) == (CONTACT, 0.5, 30)
+    assert event_params(WorldSettings(rules=rules, physics=PhysicsSettings(step_s=0.1))).pass_window == 10
 
 
 def test_each_step_of_contact_is_a_kick():
@@ -82,7 +82,7 @@ def test_a_robot_that_pushes_the_ball_kicks_it_in_each_step_of_the_world():
     state[0, :2], state[1, :2] = (1.0, 2.3), (1.0 + robot.radius_m + WORLD.ball.radius_m + 0.3, 2.3)
     mover.place(state)
     ball_gap, robot_gap, events = np.zeros(1), np.zeros((1, 1)), make_events(1)
-    rules, teams, gaps, counts = event_params(WORLD, GAME), np.zeros(1, np.int64), [], []
+    rules, teams, gaps, counts = event_params(WORLD), np.zeros(1, np.int64), [], []
     for time in range(60):
         advance(mover.handles, params, state, np.array([[1.0, 0.0]]), ball_gap, robot_gap)
         record_contacts(rules, teams, time, ball_gap, robot_gap, events)
@@ -152,7 +152,7 @@ def test_a_struggle_for_the_ball_is_no_series_of_passes():
 
 def test_another_game_begins_with_nothing():
     events, teams = make_events(2), np.array(MATES, np.int64)
-    params, apart = event_params(WORLD, GAME), np.full((2, 2), APART)
+    params, apart = event_params(WORLD), np.full((2, 2), APART)
     touch = np.zeros((2, 2))
     record_contacts(params, teams, 0, np.array([0.0, APART]), touch, events)
     assert events.kicks.tolist() == [1, 0]

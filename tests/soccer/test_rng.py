@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coevo.soccer.rng import below, game_seed, normal, uniform
+from coevo.soccer.rng import below, normal, uniform
 
 # First outputs of splitmix64 for the seed 1234567, as published with the algorithm.
 PUBLISHED = (
@@ -91,16 +91,3 @@ def test_normal_is_normal():
 def test_normal_is_box_and_muller_of_two_uniform_numbers():
     one, two = draws(uniform, 17, 2)
     assert normal(stream(17)) == pytest.approx(math.sqrt(-2.0 * math.log(1.0 - one)) * math.cos(2.0 * math.pi * two))
-
-
-def test_each_part_of_a_games_key_changes_its_seed():
-    seeds = {game_seed(*key) for key in np.ndindex(4, 4, 4, 4)}
-    assert len(seeds) == 256
-    assert game_seed(1, 2, 3) == game_seed(1, 2, 3)
-    assert game_seed(1, 2, 3).dtype == np.uint64
-    assert len({game_seed(1, 2), game_seed(2, 1), game_seed(1, 2, 1), game_seed(2**63 - 1, 2)}) == 4
-
-
-def test_seeds_of_games_are_uniform():
-    seeds = np.array([game_seed(5, 3, group, game) for group in range(40) for game in range(40)])
-    assert stats.kstest(seeds.astype(np.float64) / 2.0**64, "uniform").pvalue > 0.001

@@ -26,8 +26,8 @@ from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import make_table
 from coevo.config import check, to_toml
 from coevo.errors import InputError
+from coevo.seeds import game_seeds
 from coevo.skill import load_skill
-from coevo.soccer.rng import game_seed
 
 OBJECTS = [{"kind": "ball"}, {"kind": "opponent_goal"}, {"kind": "robot"}]
 MINE = {
@@ -51,8 +51,8 @@ def start():
     return coordinate(recipe(), seed=3)
 
 
-def test_the_recipe_of_the_dissertations_task_is_this_one(pytestconfig):
-    found = read_recipe(str(pytestconfig.rootpath / "runs" / "chapter3" / "shoot-avoiding.toml"))
+def test_the_recipe_of_the_dissertations_task_is_this_one():
+    found = read_recipe("chapter3/shoot-avoiding")
     assert found.coordination == msgspec.structs.replace(recipe().coordination, steps_trials=5000)
     assert (found.task, found.objects, found.mover) == (recipe().task, recipe().objects, recipe().mover)
 
@@ -93,7 +93,7 @@ def test_learning_again_leaves_the_areas_as_they_are(start):
 
 @pytest.mark.parametrize("update", ["lambda-returns", "one-step"])
 def test_where_all_is_an_area_the_skill_acts_and_nothing_is_learned(update):
-    shoot, seeds = load_skill("shoot"), np.array([game_seed(1, 1, n) for n in range(100)], np.uint64)
+    shoot, seeds = load_skill("shoot"), game_seeds(1, 1, count=100)
     plain = read_recipe("shoot")
     plain = msgspec.structs.replace(plain, starts="anywhere")
     rule = msgspec.structs.replace(plain.learning, update=update, easy_share=0.0, epsilon_start=1.0)
@@ -118,7 +118,7 @@ def test_where_all_is_an_area_the_skill_acts_and_nothing_is_learned(update):
 def test_the_other_robot_matters_when_shooting_and_areas_keep_their_values(start, update):
     mine = recipe(learning={"update": update})
     table, outcomes, steps = start.table(), np.zeros(150, np.int64), np.zeros(150, np.int64)
-    seeds = np.array([game_seed(1, 1, n) for n in range(150)], np.uint64)
+    seeds = game_seeds(1, 1, count=150)
     given = make_scene(mine, start.skill), make_learner(mine.learning), True, LEARNED, 0, 200, seeds, table
     assert run_trials(*given, make_decisions(mine.time_limit_steps), outcomes, steps)
     assert {SUCCESS, COLLISION} <= set(outcomes.tolist())
@@ -275,9 +275,9 @@ def test_the_study_measures_every_way(monkeypatch, tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(to_toml(recipe()), encoding="utf-8")
     arguments = [str(path), "--seeds", "1", "--trials", "20", "--games", "20", "--workers", "1"]
-    said = CliRunner().invoke(study_coordination.main, arguments)
+    said = CliRunner().invoke(study_coordination.coordination, arguments)
     assert said.exit_code == 0, said.output
     assert "the first skill alone" in said.output
     assert "no areas, first values the sum" in said.output
-    refused = CliRunner().invoke(study_coordination.main, ["shoot"])
-    assert "coordinates no skills" in refused.output
+    refused = CliRunner().invoke(study_coordination.coordination, ["shoot"])
+    assert "coordinates no skills" in str(refused.exception)

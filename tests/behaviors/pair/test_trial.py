@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -21,9 +20,8 @@ from behaviors.pair.schedule import Schooling
 from behaviors.pair.transfer import run_elsewhere
 from behaviors.pair.trial import STRAY_GOAL
 from coevo.compiled import entry
-from coevo.soccer.rng import game_seed
+from coevo.seeds import game_seeds
 
-RECIPE = Path(__file__).parents[3] / "runs" / "chapter3" / "schedule.toml"
 SMALL = (
     "trials=60",
     "games=20",
@@ -38,7 +36,7 @@ LINE, MIDDLE = 8.22, 2.2875
 
 
 def schooling(*changes, seed=1):
-    return Schooling(read_schedule(RECIPE, [*SMALL, *changes]), seed)
+    return Schooling(read_schedule("chapter3/schedule", [*SMALL, *changes]), seed)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +50,7 @@ def schooled():
 def ready(*changes, roles=(LEARNING, LEARNING), stores=(False, False), schooled):
     """Return a Schooling whose robots know what those of ``schooled`` do, and its pair in these roles."""
     agents = tuple(dataclasses.replace(agent, old=None) for agent in schooled.agents)
-    one = Schooling(read_schedule(RECIPE, [*SMALL, *changes]), 1, agents=agents)
+    one = Schooling(read_schedule("chapter3/schedule", [*SMALL, *changes]), 1, agents=agents)
     for agent in agents:
         agent.store = make_store(3000)
     tables = [one.table(agent, PERIODS["simultaneous"][0].duties[0]) for agent in agents]
@@ -284,7 +282,7 @@ def test_the_other_world_is_the_compiled_one_if_it_is_the_same_world(schooled):
     for elsewhere in (False, True):
         one, pair = ready(roles=(LEARNING, LEARNING), stores=(True, True), schooled=schooled)
         if elsewhere:
-            seeds = np.array([game_seed(one.seed, 5, n) for n in range(6)], np.uint64)
+            seeds = game_seeds(one.seed, 5, count=6)
             outcomes = run_elsewhere(pair, one.settings, SAME, seeds, time_limit=150, first=0, total=6)
         else:
             outcomes = one.run(pair, (5,), 6, total=6)

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from behaviors.learning import evaluate
 from behaviors.recipe import read_recipe
-from behaviors.studies.greedy import main
+from behaviors.studies.greedy import greedy as command
 from coevo.skill import load_skill
 
 
@@ -34,7 +34,7 @@ def test_random_actions_come_in_the_share_that_is_asked_for():
 def test_the_study_measures_both_recipes_with_each_share(tmp_path):
     path = tmp_path / "found.json"
     options = ["--seeds", "2", "--trials", "30", "--games", "20", "--workers", "1", "--out", str(path)]
-    result = CliRunner().invoke(main, options)
+    result = CliRunner().invoke(command, options)
     assert result.exit_code == 0, result.output
     found = json.loads(path.read_text())
     assert [(one["recipe"], one["epsilon"]) for one in found] == [

@@ -5,7 +5,7 @@ import pytest
 from click.testing import CliRunner
 
 from behaviors.lpm import identify
-from behaviors.studies.orders import main, norms, prediction_error, whole_pixels
+from behaviors.studies.orders import norms, orders, prediction_error, whole_pixels
 
 
 def test_whole_pixels_round_what_is_seen_only() -> None:
@@ -40,7 +40,7 @@ def test_prediction_error_is_of_the_second_feature(record) -> None:
 def test_table_of_a_small_study(tmp_path) -> None:
     out = tmp_path / "orders.json"
     options = ["--noise", "0", "--noise", "2", "--seeds", "1", "--windows", "1000", "--out", str(out)]
-    result = CliRunner().invoke(main, options, catch_exceptions=False)
+    result = CliRunner().invoke(orders, options, catch_exceptions=False)
     told = json.loads(out.read_text(encoding="utf-8"))
     assert len(told) == 3 * 3 * 2 * 3  # objects, sights, future inputs, rules
     assert {one["sight"] for one in told} == {"0 px", "whole pixels", "2 px"}

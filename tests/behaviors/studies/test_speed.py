@@ -17,7 +17,7 @@ def test_physics_is_timed_for_as_many_steps_as_asked_for(monkeypatch):
 
 
 def test_every_learning_is_timed_beside_its_physics():
-    result = CliRunner().invoke(speed.main, ["--trials", "20"])
+    result = CliRunner().invoke(speed.speed, ["--trials", "20"])
     assert result.exit_code == 0, result.output
     lines = [line for line in result.stdout.splitlines() if line.strip()]
     labels = [*installed_recipes(), "chapter 3, period A", "chapter 3, both learn"]

@@ -1,0 +1,90 @@
+"""Recipes by name: found wherever one is, of the kind that they say, each readable by the command that takes it."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from behaviors.pair.recipe import Schedule
+from behaviors.recipe import Recipe, installed_recipes
+from behaviors.recipe import read_recipe as read_skill_recipe
+from coevo import recipes
+from coevo.config import RunSettings
+from coevo.errors import InputError
+from coevo.recipes import read_recipe, read_settings, recipe_names, recipe_path
+
+KINDS = {"evolution": RunSettings, "skill": Recipe, "schedule": Schedule}
+NAMES = {
+    "evolution": {"smoke", "two-learners", "stationary-opponent", "three-learners"},
+    "skill": {"chapter3/literal-shoot", "chapter3/shoot-avoiding"},
+    "schedule": {"chapter3/schedule", "chapter3/previous", "chapter3/matched", "chapter3/simultaneous"},
+}
+ALL = [(name, kind) for kind in KINDS for name in recipe_names(kind)]
+
+
+@pytest.fixture
+def elsewhere(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.usefixtures("elsewhere")
+def test_recipes_are_found_by_name_from_any_folder():
+    for kind, names in NAMES.items():
+        assert names <= set(recipe_names(kind))
+    assert len({name for name, _ in ALL}) == len(ALL)
+
+
+@pytest.mark.usefixtures("elsewhere")
+@pytest.mark.parametrize(("name", "kind"), ALL)
+def test_each_is_what_it_says_and_is_named_as_its_file(name, kind):
+    settings = read_settings(KINDS[kind], name)
+    assert settings.kind == kind
+    assert settings.name == name.rpartition("/")[2]
+
+
+@pytest.mark.parametrize(("name", "kind"), ALL)
+def test_a_file_of_another_kind_is_refused_with_the_command_that_takes_it(name, kind):
+    command = {"evolution": "coevo evolve", "skill": "coevo learn", "schedule": "coevo reproduce chapter3"}[kind]
+    for other in set(KINDS) - {kind}:
+        with pytest.raises(InputError, match=f"{name} is .*, not .*: '{command}' takes it") as caught:
+            read_settings(KINDS[other], name)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_path_means_the_file_and_a_name_never_does(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(recipe_path("smoke", "evolution"), tmp_path / "smoke.toml")
+    with (tmp_path / "smoke.toml").open("a", encoding="utf-8") as file:
+        file.write("\n[fitness]\nkind = 'varying'\n")
+    assert read_settings(RunSettings, "smoke.toml").fitness.kind == "varying"
+    assert read_settings(RunSettings, "smoke").fitness.kind == "fixed"
+    assert read_settings(RunSettings, "smoke.toml", ["fitness.kind=fixed"]).fitness.kind == "fixed"
+
+
+def test_an_unknown_name_is_answered_with_the_nearest_of_its_kind():
+    with pytest.raises(
+        InputError, match=r"no recipe 'chapter3/shedule'\. Did you mean 'chapter3/schedule'\?"
+    ) as caught:
+        read_recipe("chapter3/shedule", "schedule")
+    assert "smoke" not in str(caught.value)
+    with pytest.raises(InputError, match=r"no recipe 'shot'\. Did you mean 'shoot'\?.*chapter3/literal-shoot"):
+        read_skill_recipe("shot")
+    assert read_skill_recipe("chapter3/literal-shoot").task == "shoot"
+    assert "shoot" in installed_recipes()
+
+
+def test_an_installed_wheel_finds_them_beside_the_presets(tmp_path, monkeypatch):
+    package = tmp_path / "coevo"
+    shutil.copytree(recipe_path("smoke", "evolution").parent, package / "presets")
+    folder = recipe_path("chapter3/schedule", "schedule").parent
+    (package / "presets" / "chapter3").mkdir(exist_ok=True)
+    for path in folder.glob("*.toml"):
+        shutil.copy(path, package / "presets" / "chapter3")
+    # A folder of runs beside it is a user's own.
+    (tmp_path / "runs" / "mine").mkdir(parents=True)
+    (tmp_path / "runs" / "mine" / "config.toml").write_text("kind = 'evolution'")
+    (tmp_path / "runs" / "mine" / "other.toml").write_text("kind = 'evolution'")
+    before = {kind: recipe_names(kind) for kind in KINDS}
+    monkeypatch.setattr(recipes, "files", lambda _: package)
+    assert {kind: recipe_names(kind) for kind in KINDS} == before

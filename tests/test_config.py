@@ -157,7 +157,10 @@ def test_a_wrong_setting_is_named_with_what_was_expected_and_what_came(assignmen
     ("assignment", "message"),
     [
         ("game.pass_window_s=2", "no setting 'game.pass_window_s'; it is 'world.rules.pass_window_s' now"),
-        ("game.collision_release_m=0.1", "no setting 'game.collision_release_m'; it is 'world.rules.collision_release_m' now"),
+        (
+            "game.collision_release_m=0.1",
+            "no setting 'game.collision_release_m'; it is 'world.rules.collision_release_m' now",
+        ),
     ],
 )
 def test_a_setting_that_has_moved_is_refused_with_where_it_is(assignment, message, recipe):

@@ -20,6 +20,8 @@ COMMANDS = (
     "coevo skills",
     "coevo play run",
     "coevo inspect run",
+    "coevo reproduce categories smoke --teams 1",
+    "coevo learn chapter3/literal-shoot --trials 10 --games 20 --out learned",
 )
 
 
@@ -68,15 +70,15 @@ def _complaints(wheel: Path) -> list[str]:
 
 
 def _kept_files() -> list[str]:
-    """All files of the packages that git keeps, or would keep once they are added."""
+    """Where in the wheel all files of the packages, and all recipes of runs, belong that git keeps, or would keep."""
     listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "--", *PACKAGES],  # noqa: S607 - any git
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "--", *PACKAGES, "runs/**.toml"],  # noqa: S607 - any git
         cwd=ROOT,
         check=True,
         capture_output=True,
         text=True,
     ).stdout.splitlines()
-    return [name for name in listed if (ROOT / name).is_file()]
+    return [re.sub("^runs/", "coevo/presets/", name) for name in listed if (ROOT / name).is_file()]
 
 
 def _install(wheel: Path, folder: Path) -> Path:

@@ -69,7 +69,7 @@ def learn(
     \b
     Example: coevo learn shoot --seed 5
              coevo learn shoot --seed 5 --resume
-             coevo learn runs/chapter3/shoot-avoiding.toml
+             coevo learn chapter3/shoot-avoiding
     """
     from behaviors.cards import make_card
     from behaviors.recipe import is_recipe_of, read_recipe

@@ -21,10 +21,10 @@ _S = TypeVar("_S", bound=FileSettings)
 
 
 def _folders() -> list[Path]:
-    """Return the presets and, in a checkout, the recipes of ``runs``."""
+    """Return the recipes of ``runs``, in a checkout, and the presets, which win where names are equal: they come last."""
     package = Path(str(files("coevo")))
     checkout = package.parent
-    return [package / "presets", *([checkout / "runs"] if (checkout / "pyproject.toml").is_file() else [])]
+    return [*([checkout / "runs"] if (checkout / "pyproject.toml").is_file() else []), package / "presets"]
 
 
 def _found() -> dict[str, Path]:
@@ -39,7 +39,15 @@ def _found() -> dict[str, Path]:
 
 def recipe_names(kind: str) -> list[str]:
     """Return the names of all recipes of a kind: "evolution", "skill" or "schedule"."""
-    return [name for name, path in _found().items() if read_toml(path).get("kind") == kind]
+    return sorted(name for name, path in _found().items() if _kind_of(path) == kind)
+
+
+def _kind_of(path: Path) -> Any:
+    """Return what a file says it is, None if it cannot be read."""
+    try:
+        return read_toml(path).get("kind")
+    except InputError:
+        return None
 
 
 def is_path(name: str) -> bool:

@@ -74,6 +74,22 @@ def test_an_unknown_name_is_answered_with_the_nearest_of_its_kind():
     assert "shoot" in installed_recipes()
 
 
+def test_a_broken_file_among_the_recipes_spoils_no_answer_and_none_hides_a_preset(tmp_path, monkeypatch):
+    package = tmp_path / "coevo"
+    shutil.copytree(recipe_path("smoke", "evolution").parent, package / "presets")
+    (tmp_path / "pyproject.toml").touch()
+    (tmp_path / "runs" / "mine").mkdir(parents=True)
+    (tmp_path / "runs" / "smoke.toml").write_text("kind = 'evolution'\nname = 'other'")
+    (tmp_path / "runs" / "mine" / "own.toml").write_text("kind = 'evolution'\nname = 'other'")
+    (tmp_path / "runs" / "mine" / "broken.toml").write_text("kind = ")
+    (tmp_path / "runs" / "mine" / "config.toml").write_text("kind = 'evolution'")  # the record of a run
+    monkeypatch.setattr(recipes, "files", lambda _: package)
+    assert set(recipe_names("evolution")) == {"mine/own", *NAMES["evolution"]}
+    assert read_settings(RunSettings, "smoke").name == "smoke"
+    with pytest.raises(InputError, match="Did you mean 'mine/own'"):
+        read_recipe("mine/onw", "evolution")
+
+
 def test_an_installed_wheel_finds_them_beside_the_presets(tmp_path, monkeypatch):
     package = tmp_path / "coevo"
     shutil.copytree(recipe_path("smoke", "evolution").parent, package / "presets")

@@ -11,12 +11,15 @@ import pytest
 from click.testing import CliRunner
 
 from behaviors.pair.agents import PERIODS
-from behaviors.pair.recipe import read_schedule
+from behaviors.pair.data import FIXED
+from behaviors.pair.recipe import read_schedule, transfer_world
 from behaviors.pair.schedule import Schooling
 from behaviors.studies.chapter3 import chapter3
+from behaviors.tabular.table import make_table
 from coevo.errors import InputError
 from coevo.recipes import recipe_names
 from coevo.skill import load_skill
+from coevo.soccer.drive import action_set
 
 SMALL = (
     "trials=60",
@@ -61,6 +64,16 @@ def test_what_changes_in_a_period_is_what_table_3_1_says(reuse):
         assert (learner.old is not None) == (reuse == "mixture" and period.name in "CD")
     assert set(one.gathered) == {"A", "B"}
     assert [len(one.trials[p].ends) for p in "ABCD"] == [60] * 4
+
+
+def test_a_pass_is_what_the_rules_of_the_world_say_in_both_worlds():
+    schedule = read_schedule(
+        "chapter3/schedule", ["world.rules.pass_window_s=1.0", "world.rules.collision_release_m=0.1"]
+    )
+    for world in (schedule.world, transfer_world(schedule)):
+        one = Schooling(schedule, 3, world=world)
+        tables = [make_table(1, len(action_set(world.robot).codes)) for _ in one.agents]
+        assert one.pair((FIXED, FIXED), tables).limits == (0.004, 0.1, 30)
 
 
 def test_with_simultaneous_learning_both_learn_in_as_many_trials():

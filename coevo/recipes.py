@@ -21,7 +21,7 @@ _S = TypeVar("_S", bound=FileSettings)
 
 
 def _folders() -> list[Path]:
-    """Return the recipes of ``runs``, in a checkout, and the presets, which win where names are equal: they come last."""
+    """Return the recipes of ``runs``, in a checkout, and the presets, which come last and win."""
     package = Path(str(files("coevo")))
     checkout = package.parent
     return [*([checkout / "runs"] if (checkout / "pyproject.toml").is_file() else []), package / "presets"]

@@ -103,6 +103,7 @@ def speed(*, trials: int, as_json: bool, quiet: bool) -> None:
     Example: coevo reproduce speed --trials 25000
     """
     note("Compiling what is not compiled yet for this machine ...", quiet=quiet)
+    physics_seconds(WorldSettings(), 1, 1)
     runs: list[tuple[str, Callable[[], tuple[WorldSettings, int, float, int]]]] = [
         *((name, partial(_alone, name, trials)) for name in installed_recipes()),
         ("chapter 3, period A", partial(_pair, (LEARNING, STATIONARY), trials)),

@@ -13,7 +13,9 @@ from typing import Any
 import click
 
 from analysis.games import play
+from coevo.config import RunSettings
 from coevo.console import output_options, show, table
+from coevo.errors import InputError
 from coevo.game import Arena
 from coevo.run import Run, open_run
 from coevo.statistics import mean_interval
@@ -23,10 +25,7 @@ __all__ = ["unseen"]
 
 
 def _best(run: Run, generation: int) -> list[Tree | None]:
-    return [
-        run.tree(f"r{robot}", generation) if player.control == "evolve" else None
-        for robot, player in enumerate(run.config.players)
-    ]
+    return [run.tree(role.name, generation) if role.evolves else None for role in run.game.roles]
 
 
 @click.command()
@@ -46,12 +45,14 @@ def unseen(*, folders: tuple[Path, ...], games: int, seed: int, as_json: bool, q
     gains: dict[str, list[float]] = {}
     for folder in folders:
         run = open_run(folder)
+        if not isinstance(run.config, RunSettings):
+            raise InputError(f"{folder} is about another game; this compares games of soccer")
         arena, last = Arena(run.config), run.finished - 1
         first_trees, last_trees = _best(run, 0), _best(run, last)
         pairs = {"generation 0": first_trees, f"generation {last}": last_trees}
-        teams = {player.team for player in run.config.players if player.control == "evolve"}
+        teams = {role.team for role in run.game.roles if role.evolves}
         if len(teams) > 1:
-            ours = [player.team == 0 for player in run.config.players]
+            ours = [role.team == 0 for role in run.game.roles]
             pairs["last r0, r1 / first r2"] = [
                 new if mine else old for new, old, mine in zip(last_trees, first_trees, ours, strict=True)
             ]

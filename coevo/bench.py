@@ -25,7 +25,8 @@ from coevo.seeds import RunStream, game_seeds
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params, replay
 from coevo.soccer.world import World
-from coevo.tree import from_codes, function_set
+from coevo.soccer_game import function_set
+from coevo.tree import from_codes
 from coevo.tree.program import compile_program
 
 __all__ = ["measure"]

@@ -1,4 +1,4 @@
-"""Fitness of a robot from what happened in its games; smaller is better (Uchibe 1999, 6.3.3).
+"""Fitness of a role from what happened in its games; smaller is better (Uchibe 1999, 6.3.3).
 
 Goals and lost goals are those of the robot's team, kicks the steps in which it touched the ball, collisions its
 own, steps those of all games together. All may be numbers or arrays of one shape. The weights carry the names of
@@ -7,15 +7,20 @@ Table 6.2; ``t_max`` is the number of games.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from coevo.config import FitnessSettings
+from coevo.config import EvolutionSettings
+from coevo.errors import InputError
+from coevo.plugins import load_callable, own_failure
 
-__all__ = ["fixed", "score", "varying"]
+__all__ = ["Scorer", "fixed", "varying"]
+
+_OF_TABLE_6_2 = ("goals", "lost", "kicks", "collisions", "steps")
 
 
 def _short_of(value: ArrayLike, enough: float) -> NDArray[np.float64]:
@@ -90,18 +95,59 @@ def varying(
     )
 
 
-def score(
-    settings: FitnessSettings,
-    counts: Mapping[str, NDArray[np.int64]],
-    *,
-    games: int,
-    generation: int,
-    generations: int,
-) -> NDArray[np.float64]:
-    """Return the fitness that the settings ask for; ``counts`` holds goals, lost, kicks, collisions, steps."""
-    chosen = settings.fixed if settings.kind == "fixed" else settings.varying
-    weights = msgspec.structs.asdict(chosen)
-    what = [counts[name] for name in ("goals", "lost", "kicks", "collisions", "steps")]
-    if settings.kind == "fixed":
-        return fixed(*what, **weights, t_max=float(games))
-    return varying(*what, generation=generation, generations=generations, **weights, t_max=float(games))
+class Scorer:
+    """The fitness that an experiment asks for: (6.1), (6.3), or a function of one's own, tried before any game.
+
+    Args:
+        settings: the experiment.
+        counts: the names of what its game counts.
+        folders: where a function of one's own is looked for, before what is installed.
+
+    Raises:
+        InputError: there is no such function, or it does not return what it should.
+    """
+
+    def __init__(self, settings: EvolutionSettings, counts: Sequence[str], folders: Sequence[Path] = ()) -> None:
+        self._settings, self._kind = settings.fitness, settings.fitness.kind
+        self._games, self._generations = settings.evaluation.games, settings.gp.generations
+        self._own: Callable[..., object] | None = None
+        if ":" in self._kind:
+            self._own = load_callable(self._kind, "fitness.kind", folders)
+            self(dict.fromkeys(counts, np.ones(2, np.int64)), 0)
+            return
+        missing = [name for name in _OF_TABLE_6_2 if name not in counts]
+        if missing:
+            raise InputError(
+                f"fitness.kind: {self._kind!r} needs {', '.join(_OF_TABLE_6_2)}, but this game counts"
+                f" {', '.join(counts)}; give module:function of your own"
+            )
+
+    def __call__(self, measures: Mapping[str, NDArray[np.int64]], generation: int) -> NDArray[np.float64]:
+        """Return (individuals,) fitness; ``measures``: by name (individuals,), summed over each one's games."""
+        if self._own is not None:
+            return self._ask(self._own, measures, generation)
+        what = [measures[name] for name in _OF_TABLE_6_2]
+        if self._kind == "fixed":
+            return fixed(*what, **msgspec.structs.asdict(self._settings.fixed), t_max=float(self._games))
+        weights = msgspec.structs.asdict(self._settings.varying)
+        total = self._generations
+        return varying(*what, generation=generation, generations=total, **weights, t_max=float(self._games))
+
+    def _ask(
+        self, own: Callable[..., object], measures: Mapping[str, NDArray[np.int64]], generation: int
+    ) -> NDArray[np.float64]:
+        kept = {name: values.copy() for name, values in measures.items()}  # it may do with them what it likes
+        individuals = len(next(iter(measures.values())))
+        try:
+            given = own(kept, games=self._games, generation=generation, generations=self._generations)
+            fitness = np.asarray(given, np.float64)
+        except Exception as error:  # noqa: BLE001 - whatever its author did
+            raise own_failure(f"fitness.kind: {self._kind}", error) from None
+        if fitness.shape != (individuals,):
+            raise InputError(
+                f"fitness.kind: {self._kind} must return one number for each of {individuals} individuals,"
+                f" got shape {fitness.shape}"
+            )
+        if not np.isfinite(fitness).all():
+            raise InputError(f"fitness.kind: {self._kind} must return finite numbers, got {fitness.tolist()[:5]}")
+        return fitness

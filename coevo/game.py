@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from coevo.compiled import borrowed, entry, inlined, is_compiled
 from coevo.config import CategorySettings, GameSettings, PlayerSettings, RunSettings
 from coevo.errors import InputError
-from coevo.skill import SkillBank, load_skill, make_bank
+from coevo.skill import SkillBank, check_world, load_skill, make_bank
 from coevo.skill.estimate import Memory, discrete_state, forget, make_memory, perturb, remember
 from coevo.soccer.camera import BALL, ROBOTS, CameraParams, Retina, camera_params, look, make_retina
 from coevo.soccer.drive import action_set
@@ -29,7 +29,7 @@ from coevo.soccer.physics import Handles, PhysicsParams, advance, physics_params
 from coevo.soccer.placement import place, regions
 from coevo.soccer.rng import normal
 from coevo.soccer.world import World
-from coevo.tree import SKILLS, Program
+from coevo.tree import Program
 
 __all__ = ["Arena", "Outcome", "StartsDoNotFitError", "Trace", "load_bank", "warm_up"]
 
@@ -105,7 +105,7 @@ class Outcome:
     kicks: (games, robots) int64, steps in which the robot touched the ball.
     collisions: (games, robots) int64, times it ran into another robot or was run into.
     passes: (games, robots) int64, times a team mate touched the ball soon after it.
-    skill_steps: (robots, 4) int64, steps in which each skill was chosen, in the order of coevo.tree.SKILLS.
+    skill_steps: (robots, skills) int64, steps in which each skill was chosen, in the order of the terminals.
     leaf_steps: per robot (nodes,) int64, steps that ended at each leaf of its tree.
     """
 
@@ -322,11 +322,11 @@ class Arena:
         trace_actions: NDArray[np.int8],
     ) -> Outcome:
         robots, games = len(self.settings.players), len(seeds)
-        empty = Program(np.zeros(0, np.uint8), np.zeros(0, np.int32))
+        empty = Program(np.zeros(0, np.int16), np.zeros(0, np.int32))
         chosen = [program or empty for program in programs]
         start = np.cumsum([0, *(len(program.codes) for program in chosen)])
         joined = _Programs(
-            np.concatenate([program.codes for program in chosen]),
+            _old_codes(np.concatenate([program.codes for program in chosen])),
             np.concatenate([program.second for program in chosen]),
             start.astype(np.int64),
         )
@@ -336,7 +336,7 @@ class Arena:
             kicks=np.zeros((games, robots), np.int64),
             collisions=np.zeros((games, robots), np.int64),
             passes=np.zeros((games, robots), np.int64),
-            skill_steps=np.zeros((robots, len(SKILLS)), np.int64),
+            skill_steps=np.zeros((robots, len(self.settings.terminals)), np.int64),
             leaf_steps=(),
         )
         leaf_steps = np.zeros(len(joined.codes), np.int64)
@@ -375,14 +375,25 @@ class Arena:
 
 
 def load_bank(settings: RunSettings) -> SkillBank:
-    """Return the skills of the settings, side by side in the order of coevo.tree.SKILLS.
+    """Return the skills of the settings, side by side in the order of the terminals.
 
     Raises:
-        InputError: a skill is missing, damaged, or learned for another drive.
+        InputError: a skill is missing, damaged, or learned for another drive or another world.
     """
-    skills, robot = settings.skills, settings.world.robot
-    loaded = [load_skill(name) for name in (skills.shoot, skills.pass_, skills.avoid, skills.search)]
-    return make_bank(loaded, drive=robot.drive, actions=len(action_set(robot).codes))
+    robot = settings.world.robot
+    loaded = [load_skill(source) for source in settings.terminals.values()]
+    bank = make_bank(loaded, drive=robot.drive, actions=len(action_set(robot).codes))
+    if settings.skills_elsewhere == "refuse":
+        for name, skill in zip(settings.terminals, loaded, strict=True):
+            check_world(skill, settings.world, name)
+    return bank
+
+
+def _old_codes(codes: NDArray[np.int16]) -> NDArray[np.uint8]:
+    """Return codes as this kernel reads them: until it takes any number of skills and conditions."""
+    if codes.min(initial=0) < -4:
+        raise InputError("games do not yet take more than four skills")
+    return np.where(codes < 0, codes + 256, codes).astype(np.uint8)
 
 
 def warm_up(settings: RunSettings, tell: Callable[[str], None]) -> None:
@@ -396,7 +407,7 @@ def warm_up(settings: RunSettings, tell: Callable[[str], None]) -> None:
         tell("Compiling the games for this machine, once: about 15 s ...")
     arena = Arena(settings)
     stand = [
-        None if p.control != "evolve" else Program(np.array([255], np.uint8), np.zeros(1, np.int32))
+        None if p.control != "evolve" else Program(np.array([-1], np.int16), np.zeros(1, np.int32))
         for p in settings.players
     ]
     arena.play(stand, np.zeros(0, np.uint64))

@@ -26,7 +26,8 @@ from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params
 from coevo.soccer.placement import place, regions
 from coevo.soccer.world import World
-from coevo.tree import SKILLS, Tree, function_set
+from coevo.soccer_game import function_set
+from coevo.tree import Tree
 
 __all__ = ["PlainGame"]
 
@@ -82,8 +83,8 @@ class PlainGame:
         if settings.world.camera.noise_px or settings.world.robot.actuator_noise:
             raise ValueError("the plain loop has no noise; set camera.noise_px and robot.actuator_noise to 0")
         self.settings = settings
-        names = (settings.skills.shoot, settings.skills.pass_, settings.skills.avoid, settings.skills.search)
-        self._skills = {name: load_skill(source) for name, source in zip(SKILLS, names, strict=True)}
+        self._skills = {name: load_skill(source) for name, source in settings.terminals.items()}
+        self._terminals = list(self._skills)
         self._policies = {name: skill.policy for name, skill in self._skills.items()}
         self._history = max(model.history_length for skill in self._skills.values() for model in skill.objects)
         self._actions = action_set(settings.world.robot)
@@ -126,7 +127,7 @@ class PlainGame:
         ]
         referee = _Referee(settings, teams)
         states, skills, actions = [world.state], [], []
-        skill_steps = np.zeros((robots, len(SKILLS)), np.int64)
+        skill_steps = np.zeros((robots, len(self._terminals)), np.int64)
         scorer, time = -1, 0
         while time < settings.game.time_limit_steps and scorer < 0:
             commands = np.zeros((robots, 2))
@@ -134,9 +135,9 @@ class PlainGame:
                 if player is None:
                     continue
                 self._act(player, states[-1], now)
-                skill_steps[player.number, SKILLS.index(player.skill)] += 1
+                skill_steps[player.number, self._terminals.index(player.skill)] += 1
                 commands[player.number] = self._actions.commands[player.action]
-            skills.append([-1 if p is None else SKILLS.index(p.skill) for p in players])
+            skills.append([-1 if p is None else self._terminals.index(p.skill) for p in players])
             actions.append([-1 if p is None else p.action for p in players])
             scorer = referee.step(world, commands, time)
             states.append(world.state)
@@ -162,7 +163,7 @@ class PlainGame:
 
         for name in functions.functions:
             primitives.addPrimitive(partial(lambda c, a, b: partial(ask, c, a, b), name), 2, name=name)
-        for name in SKILLS:
+        for name in self._terminals:
             primitives.addTerminal(partial(str, name), name=f"do_{name}")  # "pass" is a word of Python
         mapping = primitives.mapping
         nodes = [mapping.get(name) or mapping[f"do_{name}"] for name in tree.names]
@@ -205,7 +206,8 @@ class PlainGame:
     def _conditions(self, player: _Robot, areas: NDArray[np.float64]) -> dict[str, bool]:
         limits = self.settings.categories
         found: dict[str, bool] = {}
-        names = function_set(player.number, len(self.settings.players)).objects
+        robots = len(self.settings.players)
+        names = [*_THINGS, *(f"r{other}" for other in range(robots) if other != player.number)]
         for thing, (name, sight) in enumerate(zip(names, player.sights, strict=True)):
             true = {"lost"}
             if sight.features is not None:

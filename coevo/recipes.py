@@ -12,10 +12,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from coevo.config import FileSettings, check, file_kind, override, read_toml
+from coevo.config import EvolutionSettings, FileSettings, check, check_experiment, file_kind, override, read_toml
 from coevo.errors import InputError, nearest_name
 
-__all__ = ["is_path", "read_recipe", "read_settings", "recipe_names", "recipe_path"]
+__all__ = ["is_path", "read_experiment", "read_recipe", "read_settings", "recipe_names", "recipe_path"]
 
 _S = TypeVar("_S", bound=FileSettings)
 
@@ -100,3 +100,9 @@ def read_settings(kind: type[_S], name: str, changes: Sequence[str] = ()) -> _S:
     """
     data = override(read_recipe(name, file_kind(kind)), changes)
     return check(kind, data, name if is_path(name) else f"the recipe {name}")
+
+
+def read_experiment(name: str, changes: Sequence[str] = ()) -> EvolutionSettings:
+    """Read and check an experiment of evolution as ``read_settings`` does: of soccer, or of a game of one's own."""
+    data = override(read_recipe(name, "evolution"), changes)
+    return check_experiment(data, name if is_path(name) else f"the recipe {name}")

@@ -9,10 +9,7 @@ any instant loses at most the generation under way. Nothing is in pickle.
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
 import json
-import platform
-import subprocess
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,45 +20,36 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.config import RunSettings, check, read_toml, to_toml
+from coevo.config import EvolutionSettings, check_experiment, read_toml, to_toml
+from coevo.environment import environment
 from coevo.errors import InputError
 from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, write_whole
-from coevo.tree import Tree, from_codes, function_set
+from coevo.game_contract import Game
+from coevo.games import make_game, own_references
+from coevo.plugins import own_file, search_folders
+from coevo.tree import Tree, from_codes
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["COUNTS", "Checkpoint", "GenerationRecord", "Run", "create_run", "open_run"]
+__all__ = ["Checkpoint", "GenerationRecord", "Run", "create_run", "open_run"]
 
-COUNTS = ("goals", "lost", "kicks", "collisions", "steps")
-_COLUMNS = ["generation", "robot", "fitness_best", "fitness_mean", "fitness_worst", *COUNTS] + [
-    f"{size}_{which}" for size in ("depth", "nodes") for which in ("best", "mean", "worst")
-]
 _FORMAT = 1
-_LIBRARIES = (
-    "coevo",
-    "deap",
-    "joblib",
-    "llvmlite",
-    "numba",
-    "numpy",
-    "opencv-python-headless",
-    "pandas",
-    "pyarrow",
-    "pymunk",
-)
 
 
 @dataclass(frozen=True)
 class GenerationRecord:
-    """All individuals of one robot in one generation.
+    """All individuals of one role in one generation.
 
+    role: its number. robot: its name, as in the column of this name.
     codes: per individual its tree, (nodes,) uint8 in prefix order.
     group: (population,) int64, which group it played in. fitness: (population,) float64.
-    counts: by name of COUNTS (population,) int64, summed over its games. depth, nodes: (population,) int64.
+    counts: by name (population,) int64, summed over its games, in the order of the game's counts.
+    depth, nodes: (population,) int64.
     """
 
-    robot: int
+    role: int
+    robot: str
     codes: Sequence[NDArray[np.uint8]]
     group: NDArray[np.int64]
     fitness: NDArray[np.float64]
@@ -77,7 +65,7 @@ class GenerationRecord:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What is needed to go on: the number of the next generation, and per robot its population's codes."""
+    """What is needed to go on: the number of the next generation, and per role its population's codes."""
 
     generation: int
     populations: Mapping[int, Sequence[NDArray[np.uint8]]]
@@ -100,14 +88,20 @@ def _write_whole(path: Path, data: bytes) -> None:
         write_whole(path, data)
 
 
+def _columns(counts: Sequence[str]) -> list[str]:
+    """Return the columns of generations.csv."""
+    sizes = [f"{size}_{which}" for size in ("depth", "nodes") for which in ("best", "mean", "worst")]
+    return ["generation", "robot", "fitness_best", "fitness_mean", "fitness_worst", *counts, *sizes]
+
+
 def _lines(generation: int, records: Sequence[GenerationRecord]) -> list[str]:
     """Return the lines of a generation in generations.csv."""
     lines = []
     for record in records:
         best, worst = int(record.order[0]), int(record.order[-1])
-        row: list[Any] = [generation, f"r{record.robot}"]
+        row: list[Any] = [generation, record.robot]
         row += [float(record.fitness[best]), float(record.fitness.mean()), float(record.fitness[worst])]
-        row += [int(record.counts[name][best]) for name in COUNTS]
+        row += [int(values[best]) for values in record.counts.values()]
         for sizes in (record.depth, record.nodes):
             row += [int(sizes[best]), float(sizes.mean()), int(sizes[worst])]
         lines.append(",".join(str(value) for value in row))
@@ -117,20 +111,21 @@ def _lines(generation: int, records: Sequence[GenerationRecord]) -> list[str]:
 class Run:
     """A run on disk; made by ``create_run`` and ``open_run``."""
 
-    def __init__(self, path: Path, settings: RunSettings) -> None:
+    def __init__(self, path: Path, settings: EvolutionSettings) -> None:
         self.path = path
         self.config = settings
+        self.folders = search_folders(path)  # where code of one's own is looked for
 
     # ------------------------------------------------------------------------------------------------ reading
 
     @property
     def generations(self) -> pd.DataFrame:
-        """``generations.csv``: a row a generation and robot."""
+        """``generations.csv``: a row a generation and role."""
         import pandas as pd
 
         path = self.path / "generations.csv"
         if not path.exists():
-            return pd.DataFrame(columns=_COLUMNS)
+            return pd.DataFrame(columns=_columns(self.game.counts))
         try:
             return pd.read_csv(path)
         except (ValueError, OSError) as error:
@@ -145,9 +140,14 @@ class Run:
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
     @cached_property
-    def evolving(self) -> list[int]:
-        """Numbers of the robots that evolve."""
-        return [i for i, player in enumerate(self.config.players) if player.control == "evolve"]
+    def game(self) -> Game:
+        """The game that is played; one of one's own is imported when this is first asked for."""
+        return make_game(self.config, self.folders)
+
+    @cached_property
+    def evolving(self) -> dict[int, str]:
+        """Numbers and names of the roles that evolve."""
+        return {number: role.name for number, role in enumerate(self.game.roles) if role.evolves}
 
     @property
     def finished(self) -> int:
@@ -199,21 +199,24 @@ class Run:
         return frame
 
     def record(self, generation: int, robot: str) -> pd.DataFrame:
-        """Return the individuals of one robot in one generation, best first (by fitness, depth, index)."""
-        names = [f"r{i}" for i in self.evolving]
+        """Return the individuals of one role in one generation, best first (by fitness, depth, index)."""
+        part = self._part(generation)
+        names = part["robot"].unique().tolist()
         if robot not in names:
             raise InputError(f"{robot!r} does not evolve in this run; choose one of {', '.join(names)}")
-        part = self._part(generation)
         rows = part[part["robot"] == robot].sort_values(["fitness", "depth", "index"], kind="stable")
         return rows.reset_index(drop=True)
 
     def tree(self, robot: str, generation: int, rank: int = 0) -> Tree:
-        """Return a tree of one robot; rank 0 is the best of the generation."""
+        """Return a tree of one role; rank 0 is the best of the generation."""
         rows = self.record(generation, robot)
         if not 0 <= rank < len(rows):
             raise InputError(f"rank must be from 0 to {len(rows) - 1}, got {rank}")
-        functions = function_set(int(robot[1:]), len(self.config.players))
-        return from_codes(np.asarray(rows["tree"][rank], np.uint8), functions)
+        return from_codes(np.asarray(rows["tree"][rank], np.uint8), self.game.function_set(self.number_of(robot)))
+
+    def number_of(self, robot: str) -> int:
+        """Return the number of a role by its name."""
+        return [role.name for role in self.game.roles].index(robot)
 
     def checkpoint(self) -> Checkpoint | None:
         """Return what comes next, or None if no generation is finished.
@@ -255,7 +258,7 @@ class Run:
         """Write what the run depends on besides its settings, if that is not written yet."""
         path = self.path / "environment.json"
         if not path.exists():
-            _write_whole(path, (json.dumps(environment(self.config), indent=2) + "\n").encode())
+            _write_whole(path, (json.dumps(environment(self.config, self.folders), indent=2) + "\n").encode())
 
     def save_generation(self, generation: int, records: Sequence[GenerationRecord]) -> None:
         """Write one generation: its rows in the table of generations, then its individuals."""
@@ -265,11 +268,11 @@ class Run:
         columns: dict[str, Any] = {}
         total = sum(len(record.fitness) for record in records)
         columns["generation"] = np.full(total, generation, np.int32)
-        columns["robot"] = pa.array([f"r{record.robot}" for record in records for _ in record.fitness])
+        columns["robot"] = pa.array([record.robot for record in records for _ in record.fitness])
         columns["index"] = np.concatenate([np.arange(len(record.fitness), dtype=np.int32) for record in records])
         columns["group"] = np.concatenate([record.group.astype(np.int32) for record in records])
         columns["fitness"] = np.concatenate([record.fitness for record in records])
-        for name in COUNTS:
+        for name in self.game.counts:
             columns[name] = np.concatenate([record.counts[name].astype(np.int32) for record in records])
         columns["depth"] = np.concatenate([record.depth.astype(np.int16) for record in records])
         columns["nodes"] = np.concatenate([record.nodes.astype(np.int32) for record in records])
@@ -285,33 +288,36 @@ class Run:
         _write_whole(path, buffer.getvalue().to_pybytes())
 
     def _save_table(self, generation: int, records: Sequence[GenerationRecord]) -> None:
-        lines = [",".join(_COLUMNS), *self._earlier_lines(generation), *_lines(generation, records)]
+        lines = [",".join(_columns(self.game.counts)), *self._earlier_lines(generation), *_lines(generation, records)]
         _write_whole(self.path / "generations.csv", ("\n".join(lines) + "\n").encode())
 
     def _earlier_lines(self, generation: int) -> list[str]:
         """Return the table's lines of the generations before; those that are lost or damaged are made anew."""
-        expected = [[str(g), f"r{robot}"] for g in range(generation) for robot in self.evolving]
+        expected = [[str(g), robot] for g in range(generation) for robot in self.evolving.values()]
         try:
             lines = (self.path / "generations.csv").read_text(encoding="utf-8").splitlines()[1 : len(expected) + 1]
         except (OSError, UnicodeDecodeError):
             lines = []
         parts = [line.split(",") for line in lines]
-        if [part[:2] for part in parts] == expected and all(len(part) == len(_COLUMNS) for part in parts):
+        if [part[:2] for part in parts] == expected and all(
+            len(part) == len(_columns(self.game.counts)) for part in parts
+        ):
             return lines
         return [line for earlier in range(generation) for line in _lines(earlier, self.records(earlier))]
 
     def records(self, generation: int) -> list[GenerationRecord]:
-        """Return what was saved of a generation, a record a robot."""
+        """Return what was saved of a generation, a record a role."""
         found = []
-        for robot in self.evolving:
-            rows = self.record(generation, f"r{robot}").sort_values("index")
+        for role, robot in self.evolving.items():
+            rows = self.record(generation, robot).sort_values("index")
             found.append(
                 GenerationRecord(
+                    role,
                     robot,
                     [np.asarray(tree, np.uint8) for tree in rows["tree"]],
                     rows["group"].to_numpy(np.int64),
                     rows["fitness"].to_numpy(np.float64),
-                    {name: rows[name].to_numpy(np.int64) for name in COUNTS},
+                    {name: rows[name].to_numpy(np.int64) for name in self.game.counts},
                     rows["depth"].to_numpy(np.int64),
                     rows["nodes"].to_numpy(np.int64),
                 )
@@ -354,38 +360,18 @@ def _lock(path: Path) -> Callable[[], None]:
     return file.close
 
 
-def environment(settings: RunSettings) -> dict[str, Any]:
-    """Return what a run depends on besides its settings: versions, commit, digests of the skills."""
-    from coevo.skill import load_skill
-
-    skills = settings.skills
-    names = {"shoot": skills.shoot, "pass": skills.pass_, "avoid": skills.avoid, "search": skills.search}
-    return {
-        "python": platform.python_version(),
-        "platform": f"{platform.system()} {platform.machine()}",
-        "versions": {name: importlib.metadata.version(name) for name in _LIBRARIES},
-        "commit": _commit(),
-        "skills": {name: load_skill(source).digest for name, source in names.items()},
-    }
-
-
-def _commit() -> str | None:
-    """Return the commit of the sources if they are a git checkout."""
-    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=5, check=False)  # noqa: S603 - fixed words
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return done.stdout.strip() or None if done.returncode == 0 else None
-
-
-def create_run(path: Path, settings: RunSettings) -> Run:
+def create_run(path: Path, settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Run:
     """Make a run folder.
+
+    Args:
+        path: where.
+        settings: the experiment.
+        folders: where code of one's own is looked for; a file from there is copied into the run folder.
 
     Raises:
         InputError: there is a run already, or the folder cannot be written.
     """
-    environment(settings)  # a wrong skill is better found before there is a folder
+    environment(settings, folders)  # a wrong skill is better found before there is a folder
     try:
         if (path / "config.toml").exists():
             raise InputError(f"{path} holds a run already; go on with 'coevo resume {path}' or choose another --out")
@@ -396,6 +382,9 @@ def create_run(path: Path, settings: RunSettings) -> Run:
         raise InputError(
             f"cannot make the run folder {path}: {error.strerror or error}; choose another --out"
         ) from None
+    for own in (own_file(reference, folders) for reference in own_references(settings)):
+        if own is not None:
+            _write_whole(path / own.name, own.read_bytes())
     _write_whole(path / "config.toml", to_toml(settings).encode())
     run = Run(path, settings)
     run.save_environment()
@@ -416,4 +405,4 @@ def open_run(path: str | Path) -> Run:
     if not there:
         what = "is not a run folder (it has no config.toml)" if path.exists() else "does not exist"
         raise InputError(f"{path} {what}; start a run with 'coevo evolve'")
-    return Run(path, check(RunSettings, read_toml(path / "config.toml"), str(path / "config.toml")))
+    return Run(path, check_experiment(read_toml(path / "config.toml"), str(path / "config.toml")))

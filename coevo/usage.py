@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from coevo.evolution.evaluation import group_seeds
-from coevo.game import Arena, warm_up
 from coevo.run import Run
 from coevo.seeds import RunStream, game_seeds
-from coevo.tree import SKILLS, Program, Tree, compile_program, function_set
+from coevo.tree import Program, Tree, compile_program
 
 __all__ = ["TreeUsage", "merge_usage", "play_seeds", "tree_usage"]
 
@@ -21,8 +20,8 @@ __all__ = ["TreeUsage", "merge_usage", "play_seeds", "tree_usage"]
 class TreeUsage:
     """What became of a tree in the games it was scored by.
 
-    node_steps: (nodes,) int64, in how many steps each node was passed. skill_use: share of the steps by skill.
-    steps: of all games.
+    node_steps: (nodes,) int64, in how many steps each node was passed. skill_use: share of the steps by terminal.
+    steps: decisions in all games; in soccer one a step.
     """
 
     node_steps: NDArray[np.int64]
@@ -35,28 +34,24 @@ def play_seeds(seed: int, games: int) -> NDArray[np.uint64]:
     return game_seeds(seed, RunStream.PLAY, count=games)
 
 
-def tree_usage(run: Run, generation: int, group: int, robot: str, tell: Callable[[str], None]) -> TreeUsage:
-    """Play the games of a group again and count where the tree of ``robot`` went.
-
-    Args:
-        run, generation, group, robot: which tree.
-        tell: receives a line if something has to be compiled first.
-    """
-    settings, robots = run.config, len(run.config.players)
-    warm_up(settings, tell)
-    programs: list[Program | None] = [None] * robots
-    for other in run.evolving:
-        rows = run.record(generation, f"r{other}")
+def tree_usage(run: Run, generation: int, group: int, robot: str) -> TreeUsage:
+    """Play the games of a group again and count where the tree of ``robot`` went."""
+    settings, game = run.config, run.game
+    programs: list[Program | None] = [None] * len(game.roles)
+    for role, name in run.evolving.items():
+        rows = run.record(generation, name)
         member = rows[rows["group"] == group].iloc[0]
-        programs[other] = compile_program(np.asarray(member["tree"], np.uint8), function_set(other, robots))
+        programs[role] = compile_program(np.asarray(member["tree"], np.uint8), game.function_set(role))
     seeds = group_seeds(settings.seed, generation, group, settings.evaluation.games)
-    outcome = Arena(settings).play(programs, seeds)
-    number = int(robot[1:])
-    program = programs[number]
+    number = run.number_of(robot)
+    leaf_steps, program = game.play(programs, seeds).leaf_steps[number], programs[number]
     assert program is not None
-    steps = int(outcome.steps.sum())
-    use = {name: float(count) / steps for name, count in zip(SKILLS, outcome.skill_steps[number], strict=True)}
-    return TreeUsage(_add_up(outcome.leaf_steps[number], program.second), use, steps)
+    steps = int(leaf_steps.sum())
+    names = game.function_set(number).terminals
+    use = {
+        name: float(leaf_steps[program.codes == -1 - k].sum()) / steps if steps else 0.0 for k, name in enumerate(names)
+    }
+    return TreeUsage(_add_up(leaf_steps, program.second), use, steps)
 
 
 def _add_up(leaf_steps: NDArray[np.int64], second: Sequence[int] | NDArray[np.int32]) -> NDArray[np.int64]:

@@ -15,7 +15,8 @@ from coevo.evolution.population import codes_of, first_population
 from coevo.game import Arena
 from coevo.recipes import read_settings
 from coevo.soccer.camera import ROBOTS, camera_params, make_retina, object_count, see
-from coevo.tree import compile_program, function_set
+from coevo.soccer_game import function_set
+from coevo.tree import compile_program
 
 __all__ = ["categories"]
 

@@ -15,8 +15,9 @@ from coevo.console import output_options, show, table
 from coevo.evolution.population import codes_of, first_population
 from coevo.game import Arena
 from coevo.recipes import read_settings
+from coevo.soccer_game import function_set
 from coevo.statistics import mean_interval
-from coevo.tree import from_codes, function_set, parse
+from coevo.tree import from_codes, parse
 
 __all__ = ["placement"]
 
@@ -103,7 +104,7 @@ def placement(
             else None
             for r in range(robots)
         ]
-        outcome = arena.play(programs_of(trees), unseen_seeds(seed, 20))
+        outcome = arena.play(programs_of(settings, trees), unseen_seeds(seed, 20))
         goals_20.append(outcome.goals_of(0))
     found = np.array(goals_20)
     header = ["team", "goals", "lost", "steps", "passes r0", "kicks", "collisions"]

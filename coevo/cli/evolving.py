@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from coevo.config import RunSettings
+from coevo.config import EvolutionSettings, RunSettings
 from coevo.console import Progress, duration, emit, note, output_options, table
-from coevo.recipes import read_settings
+from coevo.recipes import is_path, read_experiment
 
 if TYPE_CHECKING:
     from coevo.evolution import GenerationReport
@@ -28,7 +28,7 @@ def _cores() -> int:
 def _worker_options(command: Any) -> Any:
     command = click.option(
         "--backend",
-        type=click.Choice(["threads", "processes", "dask"]),
+        type=click.Choice(["threads", "processes"]),
         default="threads",
         show_default=True,
         help="What workers are; results do not depend on it.",
@@ -71,14 +71,19 @@ def evolve(
     changes = list(assignments)
     changes += [] if seed is None else [f"seed={seed}"]
     changes += [] if generations is None else [f"gp.generations={generations}"]
-    settings = read_settings(RunSettings, recipe, changes)
+    settings = read_experiment(recipe, changes)
     from coevo.evolution.evaluation import check_backend
-    from coevo.game import StartsDoNotFitError, load_bank
+    from coevo.fitness import Scorer
+    from coevo.game import StartsDoNotFitError
+    from coevo.games import make_game
+    from coevo.plugins import search_folders
     from coevo.run import create_run
 
     check_backend(backend)
-    load_bank(settings)  # a wrong skill is better found before there is a folder
-    run = create_run(out if out is not None else _default_folder(settings), settings)
+    folders = search_folders(Path(recipe).parent if is_path(recipe) else Path())
+    game = make_game(settings, folders)  # what is wrong is better found before there is a folder
+    Scorer(settings, game.counts, folders)
+    run = create_run(out if out is not None else _default_folder(settings), settings, folders)
     note(f"Run folder: {run.path}", quiet=quiet)
     try:
         _go_on(run, workers, backend, as_json=as_json, quiet=quiet)
@@ -87,7 +92,7 @@ def evolve(
         raise
 
 
-def _default_folder(settings: RunSettings) -> Path:
+def _default_folder(settings: EvolutionSettings) -> Path:
     """Return the first free name."""
     base = Path("runs") / f"{settings.name}-seed{settings.seed}"
     path, number = base, 1
@@ -120,20 +125,20 @@ def resume(*, folder: Path, workers: int, backend: str, as_json: bool, quiet: bo
 def _go_on(run: Run, workers: int, backend: str, *, as_json: bool, quiet: bool) -> None:
     from coevo.evolution import evolve as evolve_run
     from coevo.evolution.evaluation import Evaluator, check_backend
-    from coevo.game import warm_up
+    from coevo.games import prepare
 
     check_backend(backend)
     release = run.lock()
     began = time.perf_counter()
     generations = run.config.gp.generations
     try:
-        warm_up(run.config, lambda text: note(text, quiet=quiet))
+        prepare(run.config, lambda text: note(text, quiet=quiet))
         state = run.checkpoint()
         done = state.generation if state is not None else run.finished
         if done:
             note(f"Going on at generation {done} of {generations}.", quiet=quiet)
         with (
-            Evaluator(run.config, workers=workers, backend=backend) as evaluator,
+            Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator,
             Progress(generations, done=done, quiet=quiet) as progress,
         ):
             since = time.perf_counter()
@@ -165,15 +170,14 @@ def _summarise(run: Run, seconds: float, *, as_json: bool) -> None:
     settings = run.config
     last = settings.gp.generations - 1
     robots: dict[str, dict[str, Any]] = {}
-    for robot in run.evolving:
-        best = run.record(last, f"r{robot}").iloc[0]
-        robots[f"r{robot}"] = {
+    for robot in run.evolving.values():
+        best = run.record(last, robot).iloc[0]
+        robots[robot] = {
             "best_fitness": float(best["fitness"]),
             "depth": int(best["depth"]),
             "nodes": int(best["nodes"]),
-            "goals": int(best["goals"]),
-            "lost": int(best["lost"]),
         }
+        robots[robot] |= {name: int(best[name]) for name in run.game.counts}
     games = settings.gp.generations * settings.gp.population * settings.evaluation.games
     if as_json:
         emit(
@@ -189,13 +193,15 @@ def _summarise(run: Run, seconds: float, *, as_json: bool) -> None:
         return
     took = f" in {duration(seconds)}" if seconds else ""
     click.echo(f"{settings.gp.generations} generations, {games} games{took}. The best of the last generation:")
+    shown = [name for name in ("goals", "lost") if name in run.game.counts] or list(run.game.counts)[:4]
+    header = ["fitness", *shown, "depth", "nodes"]
     rows = [
-        [name, f"{r['best_fitness']:.3f}", str(r["goals"]), str(r["lost"]), str(r["depth"]), str(r["nodes"])]
-        for name, r in robots.items()
+        [name, f"{r['best_fitness']:.3f}", *(str(r[column]) for column in header[1:])] for name, r in robots.items()
     ]
-    click.echo(table(["robot", "fitness", "goals", "lost", "depth", "nodes"], rows))
-    click.echo(f"(goals and lost: of {settings.evaluation.games} games; smaller fitness is better)")
+    click.echo(table(["robot", *header], rows))
+    click.echo(f"({' and '.join(shown)}: of {settings.evaluation.games} games; smaller fitness is better)")
     click.echo(f"\nRun folder: {run.path}")
     click.echo(f"  Look at a tree:   coevo inspect {run.path} --robot {next(iter(robots))} --simplified")
-    click.echo(f"  Watch them play:  coevo play {run.path} --video game.html")
+    watch = " --video game.html" if isinstance(settings, RunSettings) else ""
+    click.echo(f"  Let them play:    coevo play {run.path}{watch}")
     click.echo(f"  Fitness curves:   {run.path / 'generations.csv'}")

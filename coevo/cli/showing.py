@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,8 +10,13 @@ import click
 import numpy as np
 
 from coevo.console import emit, note, output_options, table
+from coevo.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
     from coevo.run import Run
     from coevo.tree import Program
 
@@ -46,18 +52,21 @@ def inspect(
     Example: coevo inspect runs/smoke-seed0 --robot r1 --simplified
              coevo inspect runs/smoke-seed0 --robot r1 --simplified --format svg > tree.svg
     """
+    from coevo.games import prepare
     from coevo.run import open_run
     from coevo.tree import simplify
     from coevo.tree.draw import as_dot, as_svg, as_text
     from coevo.usage import merge_usage, tree_usage
 
     run = open_run(folder)
-    robot = robot or f"r{run.evolving[0]}"
+    robot = robot or next(iter(run.evolving.values()))
     generation = _last(run, generation)
     tree = run.tree(robot, generation, rank)
     row = run.record(generation, robot).iloc[rank]
-    usage = tree_usage(run, generation, int(row["group"]), robot, lambda text: note(text, quiet=quiet))
-    smaller = simplify(tree)
+    prepare(run.config, lambda text: note(text, quiet=quiet))
+    usage = tree_usage(run, generation, int(row["group"]), robot)
+    functions = run.game.function_set(run.number_of(robot))
+    smaller = simplify(tree, functions)
     shown, steps = (smaller, merge_usage(tree, usage.node_steps, smaller)) if simplified else (tree, usage.node_steps)
     if as_json or kind == "json":
         emit(
@@ -76,15 +85,15 @@ def inspect(
             }
         )
     elif kind == "dot":
-        click.echo(as_dot(shown, steps))
+        click.echo(as_dot(shown, steps, terminals=functions.terminals))
     elif kind == "svg":
-        click.echo(as_svg(shown, steps))
+        click.echo(as_svg(shown, steps, terminals=functions.terminals))
     else:
         use = ", ".join(f"{name} {share:.1%}" for name, share in usage.skill_use.items())
         click.echo(f"{robot}, generation {generation}, rank {rank}: fitness {row['fitness']:.4f}")
         click.echo(f"the tree: depth {tree.depth}, nodes {tree.nodes}")
         click.echo(f"simplified: depth {smaller.depth}, nodes {smaller.nodes}")
-        click.echo(f"skills used: {use}")
+        click.echo(f"terminals used: {use}")
         click.echo(f"\n{as_text(shown, steps)}")
 
 
@@ -119,55 +128,74 @@ def play(
     Example: coevo play runs/smoke-seed0 --games 100 --seed 7
              coevo play runs/smoke-seed0 --games 3 --video replay.html
     """
-    from coevo.game import Arena, warm_up
-    from coevo.replay import trace_digest, write_trace, write_video
+    from coevo.config import RunSettings
+    from coevo.games import prepare
     from coevo.run import open_run
     from coevo.usage import play_seeds
 
     run = open_run(folder)
     generation = _last(run, generation)
     programs = best_programs(run, generation)
-    warm_up(run.config, lambda text: note(text, quiet=quiet))
-    arena = Arena(run.config)
-    played = [arena.trace(programs, random) for random in play_seeds(seed, games)]
-    outcomes, traces = [outcome for outcome, _ in played], [trace for _, trace in played]
-    if trace is not None:
-        write_trace(trace, run.config, traces)
-    if video is not None:
-        write_video(video, run.config, traces)
-    scorers = np.array([int(outcome.scorer[0]) for outcome in outcomes])
-    robots = range(len(run.config.players))
-    teams = [player.team for player in run.config.players]
-    result: dict[str, Any] = {
-        "games": games,
-        "generation": generation,
-        "seed": seed,
-        "goals": {f"r{i}": int((scorers == teams[i]).sum()) for i in robots},
-        "lost": {f"r{i}": int((scorers == 1 - teams[i]).sum()) for i in robots},
-        "kicks": {f"r{i}": int(sum(outcome.kicks[0, i] for outcome in outcomes)) for i in robots},
-        "collisions": {f"r{i}": int(sum(outcome.collisions[0, i] for outcome in outcomes)) for i in robots},
-        "passes": {f"r{i}": int(sum(outcome.passes[0, i] for outcome in outcomes)) for i in robots},
-        "steps": int(sum(outcome.steps[0] for outcome in outcomes)),
-        "digest": trace_digest(traces),
-    }
+    prepare(run.config, lambda text: note(text, quiet=quiet))
+    if isinstance(run.config, RunSettings):
+        counts, steps, digest = _play_soccer(run, programs, play_seeds(seed, games), trace, video)
+    elif trace is not None or video is not None:
+        raise InputError("--trace and --video show games of soccer; this run is about another game")
+    else:
+        counts, steps, digest = _play(run, programs, play_seeds(seed, games))
+    robots = [role.name for role in run.game.roles]
+    result: dict[str, Any] = {"games": games, "generation": generation, "seed": seed}
+    result |= {name: dict(zip(robots, values.tolist(), strict=True)) for name, values in counts.items()}
+    result |= {"digest": digest} if steps is None else {"steps": steps, "digest": digest}
     if as_json:
         emit(result)
         return
-    click.echo(f"{games} games between the best of generation {generation} (seed {seed}), {result['steps']} steps:")
-    names = ("goals", "lost", "kicks", "passes", "collisions")
-    click.echo(table(["robot", *names], [[f"r{i}", *(str(result[name][f"r{i}"]) for name in names)] for i in robots]))
+    told = "" if steps is None else f", {steps} steps"
+    click.echo(f"{games} games between the best of generation {generation} (seed {seed}){told}:")
+    rows = [[robot, *(str(values[number]) for values in counts.values())] for number, robot in enumerate(robots)]
+    click.echo(table(["robot", *counts], rows))
     for path in (trace, video):
         if path is not None:
             click.echo(f"Written: {path}")
 
 
-def best_programs(run: Run, generation: int) -> list[Program | None]:
-    """Return the programs of the best trees of a generation, None for robots that stand."""
-    from coevo.tree import compile_program, function_set, tree_codes
+def _play(
+    run: Run, programs: Sequence[Program | None], seeds: NDArray[np.uint64]
+) -> tuple[dict[str, NDArray[np.int64]], int | None, str]:
+    """Return what was counted of each role in all games together, and a digest of all that happened."""
+    played = run.game.play(programs, seeds)
+    digest = hashlib.sha256(np.ascontiguousarray(played.winner, "<i8").tobytes())
+    for name in run.game.counts:
+        digest.update(np.ascontiguousarray(played.counts[name], "<i8").tobytes())
+    return {name: played.counts[name].sum(axis=0) for name in run.game.counts}, None, digest.hexdigest()
 
-    robots = len(run.config.players)
-    programs: list[Program | None] = [None] * robots
-    for robot in run.evolving:
-        functions = function_set(robot, robots)
-        programs[robot] = compile_program(tree_codes(run.tree(f"r{robot}", generation), functions), functions)
+
+def _play_soccer(
+    run: Run, programs: Sequence[Program | None], seeds: NDArray[np.uint64], trace: Path | None, video: Path | None
+) -> tuple[dict[str, NDArray[np.int64]], int | None, str]:
+    """Return what was counted as ``_play`` does, the number of steps, and a digest of all trajectories."""
+    from coevo.replay import trace_digest, write_trace, write_video
+    from coevo.soccer_game import SoccerGame
+
+    game = run.game
+    assert isinstance(game, SoccerGame)
+    played = [game.arena.trace(programs, seed) for seed in seeds]
+    traces = [seen for _, seen in played]
+    if trace is not None:
+        write_trace(trace, game.settings, traces)
+    if video is not None:
+        write_video(video, game.settings, traces)
+    each = [game.played(outcome).counts for outcome, _ in played]
+    counts = {name: np.sum([of_game[name][0] for of_game in each], axis=0) for name in game.counts}
+    return counts, int(counts.pop("steps")[0]), trace_digest(traces)
+
+
+def best_programs(run: Run, generation: int) -> list[Program | None]:
+    """Return the programs of the best trees of a generation, None for roles without one."""
+    from coevo.tree import compile_program, tree_codes
+
+    programs: list[Program | None] = [None] * len(run.game.roles)
+    for role, name in run.evolving.items():
+        functions = run.game.function_set(role)
+        programs[role] = compile_program(tree_codes(run.tree(name, generation), functions), functions)
     return programs

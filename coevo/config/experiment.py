@@ -3,25 +3,35 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
-from coevo.config.reader import FileSettings, NonNegative, Positive, Settings, Share
+from coevo.config.reader import FileSettings, NonNegative, Positive, Settings, Share, check
 from coevo.config.world import StartSettings, WorldSettings
+from coevo.vocabulary import CATEGORIES, PREFIX, SKILLS
 
 __all__ = [
     "CategorySettings",
+    "ConditionSettings",
     "EvaluationSettings",
+    "EvolutionSettings",
     "FitnessSettings",
     "FitnessWeights",
+    "ForeignSettings",
     "GPSettings",
     "GameSettings",
     "PlayerSettings",
     "RunSettings",
-    "SkillSettings",
+    "check_experiment",
 ]
+
+_NAME = re.compile(r"[A-Za-z]\w{0,31}", re.ASCII)
+_LETTERS = "1 to 32 letters, digits and _ that begin with a letter"
+_MOST_SKILLS = 32
 
 
 class PlayerSettings(Settings, frozen=True, kw_only=True):
@@ -35,6 +45,7 @@ class PlayerSettings(Settings, frozen=True, kw_only=True):
 class GameSettings(Settings, frozen=True, kw_only=True):
     """When a game ends, and where the ball starts; what counts as a pass and a collision: see RuleSettings."""
 
+    kind: Literal["soccer"] = "soccer"  # a game of one's own has module:factory here, and settings of its own
     time_limit_steps: Annotated[int, Meta(ge=1, le=100_000)] = 1000  # [C] a game ends with a goal or with time [T]
     ball_start: StartSettings
 
@@ -56,13 +67,11 @@ class CategorySettings(Settings, frozen=True, kw_only=True):
     robot_large_from_px: NonNegative = 65.0
 
 
-class SkillSettings(Settings, frozen=True, kw_only=True):
-    """The terminals: for each the name of an installed skill, or the path of a skill file."""
+class ConditionSettings(Settings, frozen=True, kw_only=True):
+    """A condition beside those of Table 6.1: what it can be asked about, and when it holds while that is visible."""
 
-    shoot: str = "shoot"
-    pass_: str = msgspec.field(default="pass", name="pass")
-    avoid: str = "avoid"
-    search: str = "search"
+    objects: Annotated[tuple[Literal["ball", "own_goal", "opponent_goal", "robot"], ...], Meta(min_length=1)]
+    expression: str  # such as "area >= 400 and x >= 20 and x < 44"; coevo.soccer.conditions says what is read
 
 
 class GPSettings(Settings, frozen=True, kw_only=True):
@@ -105,9 +114,13 @@ class FitnessWeights(Settings, frozen=True, kw_only=True):
 class FitnessSettings(Settings, frozen=True, kw_only=True):
     """Which fitness function, and the constants of both; smaller is better."""
 
-    kind: Literal["fixed", "varying"] = "fixed"
+    kind: str = "fixed"  # fixed, varying, or module:function of one's own
     fixed: FitnessWeights = FitnessWeights(alpha_l=0.5, alpha_k=1e-3, alpha_c=5e-3, alpha_s=1e-4)  # [T]
     varying: FitnessWeights = FitnessWeights(alpha_l=1.0, alpha_k=1e-2, alpha_c=1e-2, alpha_s=1e-2)  # [T]
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("fixed", "varying") and ":" not in self.kind:
+            raise ValueError(f"kind: expected 'fixed', 'varying' or module:function of your own, got {self.kind!r}")
 
 
 class EvaluationSettings(Settings, frozen=True, kw_only=True):
@@ -117,22 +130,50 @@ class EvaluationSettings(Settings, frozen=True, kw_only=True):
     grouping: Literal["random"] = "random"  # [T] each individual plays in one grouping a generation
 
 
-class RunSettings(FileSettings, frozen=True, kw_only=True):
-    """A whole experiment: 'coevo evolve' takes exactly this."""
+class EvolutionSettings(FileSettings, frozen=True, kw_only=True):
+    """What every experiment of evolution has, whatever is played."""
 
     kind: Literal["evolution"] = "evolution"
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")] = "run"  # a part of the run folder's name
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
-    world: WorldSettings = WorldSettings()
-    game: GameSettings
-    players: Annotated[tuple[PlayerSettings, ...], Meta(min_length=1, max_length=6)]
-    categories: CategorySettings = CategorySettings()
-    skills: SkillSettings = SkillSettings()
     gp: GPSettings = GPSettings()
     fitness: FitnessSettings = FitnessSettings()
     evaluation: EvaluationSettings = EvaluationSettings()
 
+
+class ForeignSettings(EvolutionSettings, frozen=True, kw_only=True):
+    """An experiment with a game of one's own: ``game.kind`` is module:factory, what else ``game`` holds is for it."""
+
+    game: dict[str, Any]
+
     def __post_init__(self) -> None:
+        kind = self.game.get("kind")
+        if not isinstance(kind, str) or ":" not in kind:
+            raise ValueError(f"game.kind: expected 'soccer' or module:factory of your own, got {kind!r}")
+
+
+class RunSettings(EvolutionSettings, frozen=True, kw_only=True):
+    """An experiment with soccer: 'coevo evolve' takes exactly this."""
+
+    world: WorldSettings = WorldSettings()
+    game: GameSettings
+    players: Annotated[tuple[PlayerSettings, ...], Meta(min_length=1, max_length=6)]
+    categories: CategorySettings = CategorySettings()
+    conditions: dict[str, ConditionSettings] = msgspec.field(default_factory=dict)
+    # The terminals: installed skills or skill files; beside these four, which "" takes away.
+    skills: dict[str, str | bool] = msgspec.field(default_factory=dict)
+    skills_elsewhere: Literal["refuse", "allow"] = "refuse"  # skills that were learned for another world
+
+    @property
+    def terminals(self) -> dict[str, str]:
+        """The terminals in their order, each with its skill: those of Table 6.1, then those that were added."""
+        return {name: source for name, source in self.skills.items() if isinstance(source, str) and source}
+
+    def __post_init__(self) -> None:
+        skills = {**{name: name for name in SKILLS}, **{name: source or "" for name, source in self.skills.items()}}
+        msgspec.structs.force_setattr(self, "skills", skills)
+        _check_skills(skills, len(self.terminals))
+        _check_conditions(self.conditions)
         if all(player.control != "evolve" for player in self.players):
             raise ValueError('players: at least one must have control = "evolve"')
         field = self.world.field
@@ -146,3 +187,35 @@ class RunSettings(FileSettings, frozen=True, kw_only=True):
                 if low < radius or high > size - radius:
                     limits = f"[{radius:g}, {size - radius:g}]"
                     raise ValueError(f"{name}.{axis} must lie within {limits} on this field, got [{low:g}, {high:g}]")
+
+
+def _check_skills(skills: Mapping[str, str | bool], terminals: int) -> None:
+    for name, source in skills.items():
+        if not _NAME.fullmatch(name) or name.startswith(PREFIX):
+            raise ValueError(f"skills: names are {_LETTERS}, and do not begin with {PREFIX}; got {name!r}")
+        if source is True:
+            raise ValueError(f'skills.{name}: expected a skill, or "" to take the terminal away, got true')
+    if not 1 <= terminals <= _MOST_SKILLS:
+        raise ValueError(f"skills: expected 1 to {_MOST_SKILLS} that are not taken away, got {terminals}")
+
+
+def _check_conditions(conditions: Mapping[str, ConditionSettings]) -> None:
+    for name, condition in conditions.items():
+        if not _NAME.fullmatch(name) or "_is_" in name:
+            raise ValueError(f"conditions: names are {_LETTERS}, and do not hold _is_; got {name!r}")
+        if name in CATEGORIES:
+            raise ValueError(f"conditions.{name}: Table 6.1 has a condition of this name; choose another")
+        if len(set(condition.objects)) < len(condition.objects):
+            raise ValueError(f"conditions.{name}.objects: expected each object once")
+
+
+def check_experiment(data: Mapping[str, Any], source: str) -> EvolutionSettings:
+    """Make the settings of an experiment from plain data: of soccer, or of a game of one's own if it names one.
+
+    Raises:
+        InputError: as of ``check``.
+    """
+    game = data.get("game")
+    soccer = not isinstance(game, Mapping) or game.get("kind", "soccer") == "soccer"
+    kind: type[EvolutionSettings] = RunSettings if soccer else ForeignSettings
+    return check(kind, data, source)

@@ -76,7 +76,9 @@ def check(kind: type[_S], data: Mapping[str, Any], source: str) -> _S:
     except msgspec.ValidationError as error:
         text, _, where = str(error).partition(" - at `$.")
         text = text.replace("Expected `object`", "expected a table").replace("Expected", "expected")
-        path = where.rstrip("`").replace("[", ".").replace("]", "").replace("...", "*")
+        path = where.rstrip("`").replace("[...]", ".*").replace("[", ".").replace("]", "")
+        if ".*" in path:
+            path = _name_key(kind, data, path, str(error))
         came = _look_up(data, path)
         if text.startswith("Invalid enum value"):
             text = f"expected one of {', '.join(map(repr, _choices(kind, path)))}"
@@ -102,6 +104,18 @@ def _check_file_kind(wanted: str, data: Mapping[str, Any], source: str) -> None:
     raise InputError(f"{source}: kind: expected {wanted!r}, got {came!r}{hint}")
 
 
+def _name_key(kind: type[_S], data: Mapping[str, Any], path: str, message: str) -> str:
+    """Return the path with the key that msgspec does not tell: the first that alone gives the same message."""
+    table, _, rest = path.partition(".*")
+    for key, value in data[table].items():
+        try:
+            msgspec.convert({**data, table: {key: value}}, kind)
+        except msgspec.ValidationError as error:
+            if str(error) == message:
+                return f"{table}.{key}{rest}"
+    return path
+
+
 def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
     if isinstance(data, float) and not math.isfinite(data):
         raise InputError(f"{source}: {path}: expected a finite number, got {data}")
@@ -109,6 +123,10 @@ def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
         item = next((a for a in _arguments(kind) if _is_settings(a)), None)
         for index, value in enumerate(data):
             _check_keys(item, value, source, f"{path}.{index}")
+    if typing.get_origin(kind) is dict and isinstance(data, Mapping):  # its keys are anyone's
+        for key, value in data.items():
+            _check_keys(typing.get_args(kind)[1], value, source, f"{path}.{key}")
+        return
     kind = next((a for a in [kind, *_arguments(kind)] if _is_settings(a)), None)
     if kind is None or not isinstance(data, Mapping):
         return
@@ -126,6 +144,9 @@ def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
 def _choices(kind: Any, path: str) -> list[Any]:
     """Return what a setting with a closed list of values may be."""
     for part in path.split("."):
+        if typing.get_origin(kind) is dict:
+            kind = typing.get_args(kind)[1]
+            continue
         inner = next((a for a in [kind, *_arguments(kind)] if _is_settings(a)), None)
         if inner is not None and not part.isdigit():
             kind = {field.encode_name: field.type for field in msgspec.structs.fields(inner)}.get(part)

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Sequence
-from importlib.util import find_spec
+from pathlib import Path
 from typing import Self
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.config import RunSettings, check
+from coevo.config import EvolutionSettings, ForeignSettings, check_experiment
 from coevo.errors import InputError
-from coevo.game import Arena, Outcome
+from coevo.game_contract import Game, Played, check_played
+from coevo.games import make_game
+from coevo.plugins import own_failure
 from coevo.seeds import RunStream, game_seeds
 from coevo.tree import Program
 
 __all__ = ["Evaluator", "check_backend", "group_seeds"]
 
-_JOBLIB = {"threads": "threading", "processes": "loky", "dask": "dask"}
+_JOBLIB = {"threads": "threading", "processes": "loky"}
 
 _local = threading.local()
-_with_arena: set[threading.Thread] = set()
+_with_game: set[threading.Thread] = set()
 
 
 def group_seeds(run_seed: int, generation: int, group: int, games: int) -> NDArray[np.uint64]:
@@ -30,32 +32,41 @@ def group_seeds(run_seed: int, generation: int, group: int, games: int) -> NDArr
     return game_seeds(run_seed, RunStream.GAMES, generation, group, count=games)
 
 
-def _arena(settings: bytes) -> Arena:
-    """Return this thread's arena for the settings, made once."""
-    if getattr(_local, "settings", None) != settings:
-        _with_arena.add(threading.current_thread())
-        _local.arena = Arena(check(RunSettings, msgspec.json.decode(settings), "settings"))
-        _local.settings = settings
-    arena: Arena = _local.arena
-    return arena
+def _game(settings: bytes, folders: Sequence[Path]) -> tuple[EvolutionSettings, Game]:
+    """Return the settings, and this thread's game for them, made once."""
+    if getattr(_local, "key", None) != (settings, folders):
+        _with_game.add(threading.current_thread())
+        _local.settings = check_experiment(msgspec.json.decode(settings), "settings")
+        _local.game = make_game(_local.settings, folders)
+        _local.key = settings, folders
+    return _local.settings, _local.game
 
 
-def _play(settings: bytes, generation: int, group: int, programs: Sequence[Program | None]) -> Outcome:
-    arena = _arena(settings)
-    seeds = group_seeds(arena.settings.seed, generation, group, arena.settings.evaluation.games)
-    return arena.play(programs, seeds)
+def _play(
+    data: bytes, folders: Sequence[Path], generation: int, group: int, programs: Sequence[Program | None]
+) -> Played:
+    settings, game = _game(data, folders)
+    seeds = group_seeds(settings.seed, generation, group, settings.evaluation.games)
+    try:
+        played = game.play(programs, seeds)
+        check_played(game, played, programs, len(seeds))
+    except InputError:
+        raise
+    except Exception as error:
+        if not isinstance(settings, ForeignSettings):
+            raise
+        raise own_failure(f"the game {settings.game['kind']}", error) from None  # whatever its author did
+    return played
 
 
 def check_backend(backend: str) -> None:
-    """Refuse a backend that is unknown or not installed.
+    """Refuse a backend that is unknown.
 
     Raises:
         InputError: with the remedy.
     """
     if backend not in _JOBLIB:
         raise InputError(f"the backend must be one of {', '.join(_JOBLIB)}, got {backend!r}")
-    if backend == "dask" and find_spec("distributed") is None:
-        raise InputError("the backend dask needs Dask, which is not installed: pip install 'coevo[dask]'")
 
 
 class Evaluator:
@@ -64,12 +75,16 @@ class Evaluator:
     Args:
         settings: the experiment.
         workers: how many threads or processes; results do not depend on it.
-        backend: threads (compiled games release Python's lock), processes, or a Dask cluster.
+        backend: threads (compiled games release Python's lock) or processes.
+        folders: where a game of one's own is looked for, before what is installed.
     """
 
-    def __init__(self, settings: RunSettings, *, workers: int, backend: str) -> None:
+    def __init__(
+        self, settings: EvolutionSettings, *, workers: int, backend: str, folders: Sequence[Path] = ()
+    ) -> None:
         import joblib
 
+        self._folders = tuple(folders)
         self._settings = msgspec.json.encode(settings)
         self._task = joblib.delayed(_play)
         self._parallel = joblib.Parallel(n_jobs=workers, backend=_JOBLIB[backend], return_as="generator")
@@ -82,12 +97,13 @@ class Evaluator:
         self._parallel.__exit__(*failure)
         # joblib tells its threads to end but does not wait: one that plays on, or frees its world, while Python ends
         # would make Chipmunk abort the process.
-        for thread in _with_arena - {threading.current_thread(), threading.main_thread()}:
+        for thread in _with_game - {threading.current_thread(), threading.main_thread()}:
             thread.join()
-        _with_arena.clear()
+        _with_game.clear()
 
-    def play(self, generation: int, groups: Sequence[Sequence[Program | None]]) -> Iterator[Outcome]:
-        """Yield the outcome of each group's games, in the order of the groups."""
+    def play(self, generation: int, groups: Sequence[Sequence[Program | None]]) -> Iterator[Played]:
+        """Yield what happened in each group's games, in the order of the groups."""
         yield from self._parallel(
-            self._task(self._settings, generation, group, programs) for group, programs in enumerate(groups)
+            self._task(self._settings, self._folders, generation, group, programs)
+            for group, programs in enumerate(groups)
         )

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from coevo.replay import scene
 from coevo.soccer.field import walls
-from coevo.tree import SKILLS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,6 +78,7 @@ class Painter:
         self._text_scale = max(0.32, width / 1600.0)
         self._sight = np.array(scene.seen_floor(settings.world.camera))
         self._names = scene.robot_names(settings)
+        self._skills = scene.skill_colours(settings)
         self._background = np.empty((height, width, 3), np.uint8)
         self._draw_background()
 
@@ -127,7 +127,8 @@ class Painter:
         robots = poses[:-1].tolist()
         for chosen, (x, y, _) in zip(np.asarray(skills).tolist(), robots, strict=True):
             if chosen >= 0:
-                self._draw_skill(image, SKILLS[chosen], x, y)
+                name, colour = self._skills[chosen]
+                self._draw_skill(image, name, colour, x, y)
         for number, (x, y, heading) in enumerate(robots):  # on top: a label never hides where a body is
             self._draw_robot(image, number, x, y, heading)
         self._disc(image, poses[-1, :2], self.settings.world.ball.radius_m, scene.BALL)
@@ -164,7 +165,7 @@ class Painter:
         scale = max(0.3, 0.9 * self._text_scale)
         self._write(image, self._names[number], self._centre(x, y), scale, _ink_on(colour))
 
-    def _draw_skill(self, image: Image, skill: str, x: float, y: float) -> None:
+    def _draw_skill(self, image: Image, skill: str, colour: str, x: float, y: float) -> None:
         scale = 0.85 * self._text_scale
         (width, height), _ = cv2.getTextSize(skill, _FONT, scale, 1)
         below = self.settings.world.robot.radius_m * self._scale + 0.9 * height
@@ -176,7 +177,7 @@ class Painter:
             (centre_x - 0.5 * width - pad, down - 0.5 * height - pad),
             (centre_x + 0.5 * width + pad, down + 0.5 * height + pad),
         )
-        cv2.rectangle(image, _whole(low), _whole(high), _bgr(scene.SKILL_COLOURS[skill]), cv2.FILLED)
+        cv2.rectangle(image, _whole(low), _whole(high), _bgr(colour), cv2.FILLED)
         self._write(image, skill, (centre_x, down), scale, scene.INK)
 
     def _centre(self, x: float, y: float) -> tuple[float, float]:

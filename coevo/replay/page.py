@@ -11,7 +11,6 @@ import numpy as np
 
 from coevo.replay import scene
 from coevo.soccer.field import walls
-from coevo.tree import SKILLS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,7 +55,7 @@ def _describe(settings: RunSettings, traces: Sequence[Trace]) -> dict[str, Any]:
         "robot_radius": _mm(settings.world.robot.radius_m),
         "sight": [[_mm(x), _mm(y)] for x, y in scene.seen_floor(settings.world.camera)],
         "colours": {**colours, "ink": scene.INK, "paper": scene.PAPER},
-        "skills": [{"name": name, "colour": scene.SKILL_COLOURS[name]} for name in SKILLS],
+        "skills": [{"name": name, "colour": colour} for name, colour in scene.skill_colours(settings)],
         "teams": [{"name": n, "colour": c} for n, c in zip(scene.TEAMS, scene.TEAM_COLOURS, strict=True)],
         "robots": [
             {"name": name, "colour": colour, "team": player.team, "tree": player.control == "evolve"}

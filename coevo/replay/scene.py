@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
+from itertools import cycle
 from typing import TYPE_CHECKING
-
-from coevo.tree import SKILLS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +18,6 @@ __all__ = [
     "INK",
     "PAPER",
     "ROBOT_COLOURS",
-    "SKILL_COLOURS",
     "SURROUND",
     "TEAMS",
     "TEAM_COLOURS",
@@ -27,6 +25,7 @@ __all__ = [
     "robot_names",
     "score_before",
     "seen_floor",
+    "skill_colours",
     "winner",
 ]
 
@@ -34,7 +33,8 @@ __all__ = [
 TEAMS = ("blue", "yellow")
 TEAM_COLOURS = ("#1d5fe0", "#f7c800")
 ROBOT_COLOURS = ("#8b5cf6", "#f472b6", "#f1f5f9", "#8a4b14", "#1f2937", "#22d3ee")
-SKILL_COLOURS = dict(zip(SKILLS, ("#e8641b", "#56b4e9", "#f0e442", "#a6a6a6"), strict=True))  # apart for any eye
+# Apart for any eye, light enough for dark letters, and used again when there are more skills.
+_SKILL_COLOURS = ("#e8641b", "#56b4e9", "#f0e442", "#a6a6a6", "#cc79a7", "#2fb58c", "#d2b48c", "#b39ddb")
 BALL, FLOOR, WALL, SURROUND, INK, PAPER = "#e01b24", "#2f7148", "#f4f4f0", "#20262b", "#101418", "#f2f4f5"
 
 _SIGHT_M = 2.0  # the robot sees farther; a longer wedge would hide the game
@@ -43,6 +43,11 @@ _SIGHT_M = 2.0  # the robot sees farther; a longer wedge would hide the game
 def robot_names(settings: RunSettings) -> list[str]:
     """Return r0, r1, ... for the players."""
     return [f"r{number}" for number in range(len(settings.players))]
+
+
+def skill_colours(settings: RunSettings) -> list[tuple[str, str]]:
+    """Return name and colour of each terminal, in their order."""
+    return list(zip(settings.terminals, cycle(_SKILL_COLOURS), strict=False))
 
 
 def winner(settings: RunSettings, trace: Trace) -> int:

@@ -11,7 +11,6 @@ import pandas as pd
 
 from coevo.replay.files import whole_file
 from coevo.replay.scene import robot_names
-from coevo.tree import SKILLS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,10 +42,14 @@ def write_trace(path: str | Path, settings: RunSettings, traces: Sequence[Trace]
     with whole_file(Path(path)) as partial, partial.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(_COLUMNS) + "\n")
         for game, trace in enumerate(traces):
-            _rows(game, bodies, trace).to_csv(file, header=False, index=False, lineterminator="\n")
+            _rows(game, bodies, list(settings.terminals), trace).to_csv(
+                file, header=False, index=False, lineterminator="\n"
+            )
 
 
-def _rows(game: int, bodies: np.ndarray[tuple[int], np.dtype[np.str_]], trace: Trace) -> pd.DataFrame:
+def _rows(
+    game: int, bodies: np.ndarray[tuple[int], np.dtype[np.str_]], terminals: Sequence[str], trace: Trace
+) -> pd.DataFrame:
     states, count, _ = trace.states.shape
     skills = np.full((states, count), -1)
     skills[:-1, :-1] = trace.skills
@@ -58,7 +61,7 @@ def _rows(game: int, bodies: np.ndarray[tuple[int], np.dtype[np.str_]], trace: T
         x,
         y,
         heading,
-        np.array([*SKILLS, ""], object)[skills].ravel(),  # -1 is the last
+        np.array([*terminals, ""], object)[skills].ravel(),  # -1 is the last
     ]
     return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
 

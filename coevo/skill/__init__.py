@@ -2,11 +2,13 @@
 
 from coevo.skill.bank import SkillBank, make_bank
 from coevo.skill.model import ObjectModel, Skill, installed_skills, load_skill, read_card, skill_path
+from coevo.skill.world import check_world
 
 __all__ = [
     "ObjectModel",
     "Skill",
     "SkillBank",
+    "check_world",
     "installed_skills",
     "load_skill",
     "make_bank",

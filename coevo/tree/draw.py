@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
+from itertools import cycle
 
 import numpy as np
 from numpy.typing import NDArray
 
 from coevo.tree.text import Tree
+from coevo.vocabulary import PREFIX, SKILLS
 
 __all__ = ["as_dot", "as_svg", "as_text"]
 
-_COLOURS = {"shoot": "#c2410c", "pass": "#1d4ed8", "avoid": "#7c3aed", "search": "#047857"}
+# Of terminals, dark enough to be read and apart for any eye, and used again when there are more.
+_COLOURS = ("#c2410c", "#1d4ed8", "#7c3aed", "#047857", "#a16207", "#0e7490", "#be185d", "#525252")
+_QUESTION = "#0f172a"
 _CELL_X, _CELL_Y, _BOX_H = 15.0, 58.0, 22.0
 
 
 def _label(name: str) -> str:
-    return name[3:].replace("_is_", " is ").replace("_", " ") + "?" if name.startswith("IF_") else name
+    if not name.startswith(PREFIX):
+        return name
+    return name[len(PREFIX) :].replace("_is_", " is ").replace("_", " ") + "?"
+
+
+def _colours(tree: Tree, terminals: Sequence[str]) -> dict[str, str]:
+    """Return a colour for each terminal of a tree: by its place among ``terminals``, then as they come."""
+    there = [name for name, second in zip(tree.names, tree.second, strict=True) if not second]
+    return dict(zip(dict.fromkeys([*terminals, *there]), cycle(_COLOURS), strict=False))
 
 
 def _share(steps: Sequence[int] | NDArray[np.int64] | None, node: int) -> float | None:
@@ -43,8 +55,11 @@ def _branches(tree: Tree) -> list[str]:
     return marks
 
 
-def as_dot(tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None) -> str:
-    """Return the tree for Graphviz."""
+def as_dot(
+    tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None, *, terminals: Sequence[str] = SKILLS
+) -> str:
+    """Return the tree for Graphviz; a terminal's place among ``terminals`` is its colour."""
+    colours = _colours(tree, terminals)
     lines = [
         "digraph tree {",
         '  node [shape=box, style="rounded,filled", fillcolor=white, fontname="sans-serif"];',
@@ -52,7 +67,7 @@ def as_dot(tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None) -
     for node, name in enumerate(tree.names):
         share = _share(steps, node)
         use = "" if share is None else f"\\n{share:.1%}"
-        look = "" if name.startswith("IF_") else f', color="{_COLOURS[name]}", fontcolor="{_COLOURS[name]}"'
+        look = f', color="{colours[name]}", fontcolor="{colours[name]}"' if name in colours else ""
         lines.append(f'  n{node} [label="{_label(name)}{use}"{look}];')
         if tree.second[node]:
             lines.append(f'  n{node} -> n{node + 1} [label="yes"];')
@@ -77,8 +92,11 @@ def _places(tree: Tree) -> list[float]:
     return places
 
 
-def as_svg(tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None) -> str:
+def as_svg(
+    tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None, *, terminals: Sequence[str] = SKILLS
+) -> str:
     """Return the tree as an SVG picture: "yes" to the left; wider lines carried more steps, grey ones none."""
+    colours = _colours(tree, terminals)
     places, depths = _places(tree), tree.depths
     margin = 70.0
     xs = [margin + place * _CELL_X for place in places]
@@ -107,7 +125,7 @@ def as_svg(tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None) -
         text, share = _label(name), _share(steps, node)
         box = 6.4 * len(text) + 12.0
         unused = share is not None and share == 0.0
-        colour = "#94a3b8" if unused else _COLOURS.get(name, "#0f172a")
+        colour = "#94a3b8" if unused else colours.get(name, _QUESTION)
         parts.append(
             f'<rect x="{xs[node] - box / 2:.1f}" y="{ys[node] - 11:.1f}" width="{box:.1f}" height="{_BOX_H}" rx="6"'
             f' fill="white" stroke="{colour}"/>'

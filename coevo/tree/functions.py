@@ -1,38 +1,62 @@
-"""The function set of Table 6.1, for each robot: IF_a_is_b over what it can see, and the skills as terminals."""
+"""What trees are made of: functions that ask and have two branches, terminals that answer."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 
 from deap import gp
 
-__all__ = ["CATEGORIES", "SKILLS", "FunctionSet", "function_set"]
+from coevo.vocabulary import PREFIX
 
-CATEGORIES = ("left", "middle", "right", "small", "medium", "large", "lost")
-SKILLS = ("shoot", "pass", "avoid", "search")
-_MAX_OBJECTS = 9  # seven categories each must fit a 64-bit word
+__all__ = ["FunctionSet", "Situations"]
+
+# What can be true at a time of conditions that belong together: each set holds the names of those that then are.
+Situations = tuple[frozenset[str], ...]
+
+_MOST_NAMES = 255  # a node of a stored tree is one byte
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
 
 @dataclass(frozen=True)
 class FunctionSet:
-    """What one robot's trees are made of.
+    """What the trees of one role are made of.
 
-    A node's code is the number of its function (object by object, category by category) or, after all
-    functions, of its skill.
+    A node's code is the number of its function or, after all functions, of its terminal.
+
+    Attributes:
+        functions: names that begin with ``IF_``; each asks something and has two branches, "yes" first.
+        terminals: names that do not begin so; what a tree decides for.
+        situations: for each group of functions whose answers depend on each other, all that can be true at a time.
+            A function in no group is a question of its own. Only ``coevo.tree.simplify`` looks at them.
+
+    Raises:
+        ValueError: a name cannot be used, or there are too many.
     """
 
-    objects: tuple[str, ...]
+    functions: tuple[str, ...]
+    terminals: tuple[str, ...]
+    situations: tuple[Situations, ...] = ()
 
-    @cached_property
-    def functions(self) -> tuple[str, ...]:
-        """Names IF_object_is_category in the order of their codes."""
-        return tuple(f"IF_{thing}_is_{category}" for thing in self.objects for category in CATEGORIES)
+    def __post_init__(self) -> None:
+        if not self.functions or not self.terminals:
+            raise ValueError("a function set needs at least one function and one terminal")
+        for name in self.names:
+            if not _NAME.fullmatch(name) or name.startswith(PREFIX) != (name in self.functions):
+                raise ValueError(
+                    f"expected names of letters, digits and _, those of functions beginning with {PREFIX} and those of"
+                    f" terminals not; got {name!r}"
+                )
+        if len(set(self.names)) < len(self.names):
+            raise ValueError("expected every name of a function set once")
+        if len(self.names) > _MOST_NAMES:
+            raise ValueError(f"expected at most {_MOST_NAMES} functions and terminals, got {len(self.names)}")
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of functions, then of skills: a node's name by its code."""
-        return self.functions + SKILLS
+        """Names of functions, then of terminals: a node's name by its code."""
+        return self.functions + self.terminals
 
     @cached_property
     def codes(self) -> dict[str, int]:
@@ -45,7 +69,7 @@ class FunctionSet:
         primitives = gp.PrimitiveSet("tree", 0)
         for name in self.functions:
             primitives.addPrimitive(_if, 2, name=name)
-        for name in SKILLS:
+        for name in self.terminals:
             primitives.addTerminal(name, name=name)
         return primitives
 
@@ -57,13 +81,4 @@ class FunctionSet:
 
 
 def _if(_first: object, _second: object) -> None:  # pragma: no cover - DEAP wants a callable; programs run compiled
-    """Stand for IF_a_is_b in DEAP's primitive set; never called."""
-
-
-def function_set(robot: int, robots: int) -> FunctionSet:
-    """Return the function set of one of ``robots`` robots: 28 functions with two, 35 with three (6.4.1, 6.4.2)."""
-    others = tuple(f"r{other}" for other in range(robots) if other != robot)
-    objects = ("ball", "own_goal", "opponent_goal", *others)
-    if len(objects) > _MAX_OBJECTS:
-        raise ValueError(f"expected at most {_MAX_OBJECTS - 2} robots, got {robots}")
-    return FunctionSet(objects)
+    """Stand for a function in DEAP's primitive set; never called."""

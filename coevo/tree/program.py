@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from coevo.compiled import entry
 from coevo.errors import InputError, nearest_name
-from coevo.tree.functions import SKILLS, FunctionSet
+from coevo.tree.functions import FunctionSet
 from coevo.tree.text import Tree
 
 __all__ = ["Program", "compile_program", "from_codes", "measure", "tree_codes"]
@@ -19,20 +19,19 @@ __all__ = ["Program", "compile_program", "from_codes", "measure", "tree_codes"]
 class Program(NamedTuple):
     """A tree in prefix order.
 
-    codes: (nodes,) uint8, see FunctionSet; a skill's code is counted down from 255 (shoot 255, pass 254, ...), so
-        that programs do not depend on how many functions there are.
+    codes: (nodes,) int16, the number of the function, from 0, or -1 - k for terminal k: a program does not depend on
+        how many functions there are.
     second: (nodes,) int32, where the second branch begins; the first begins at the next node.
     """
 
-    codes: NDArray[np.uint8]
+    codes: NDArray[np.int16]
     second: NDArray[np.int32]
 
 
-FIRST_SKILL = 255
-
-
 @entry
-def _link(codes: NDArray[np.uint8], functions: int, program: NDArray[np.uint8], second: NDArray[np.int32]) -> int:
+def _link(
+    codes: NDArray[np.uint8], functions: int, names: int, program: NDArray[np.int16], second: NDArray[np.int32]
+) -> int:
     """Fill program and second branches from prefix codes; return the depth, or -1 if they are no tree."""
     nodes = codes.shape[0]
     waiting = np.empty(nodes + 1, np.int32)
@@ -47,9 +46,9 @@ def _link(codes: NDArray[np.uint8], functions: int, program: NDArray[np.uint8], 
             waiting[depth] = i
             depth += 1
             continue
-        if code >= functions + 4:
+        if code >= names:
             return -1
-        program[i] = 255 - (code - functions)
+        program[i] = functions - 1 - code
         deepest = max(deepest, depth)
         while depth > 0 and second[waiting[depth - 1]] > 0:
             depth -= 1
@@ -73,8 +72,9 @@ def measure(codes: NDArray[np.uint8], functions: FunctionSet) -> tuple[Program, 
     Raises:
         InputError: the codes are no tree.
     """
-    program, second = np.empty(len(codes), np.uint8), np.empty(len(codes), np.int32)
-    depth = _link(np.ascontiguousarray(codes, np.uint8), len(functions.functions), program, second)
+    program, second = np.empty(len(codes), np.int16), np.empty(len(codes), np.int32)
+    count, names = len(functions.functions), len(functions.names)
+    depth = _link(np.ascontiguousarray(codes, np.uint8), count, names, program, second)
     if depth < 0:
         raise InputError(f"a stored tree of {len(codes)} nodes is damaged: its codes do not make a tree")
     return Program(program, second), int(depth)
@@ -84,15 +84,15 @@ def tree_codes(tree: Tree, functions: FunctionSet) -> NDArray[np.uint8]:
     """Return the node codes of a tree in prefix order.
 
     Raises:
-        InputError: the tree asks about something this robot does not see.
+        InputError: the tree holds a name that is not in the function set.
     """
     try:
         return np.array([functions.codes[name] for name in tree.names], np.uint8)
     except KeyError as error:
         name = str(error.args[0])
         raise InputError(
-            f"tree: {name} is not in this robot's function set; it sees {', '.join(functions.objects)}."
-            f"{nearest_name(name, functions.names)}"
+            f"tree: {name} is not in this role's function set.{nearest_name(name, functions.names)}"
+            f" Its terminals are {', '.join(functions.terminals)}"
         ) from None
 
 
@@ -103,6 +103,3 @@ def from_codes(codes: Sequence[int] | NDArray[np.uint8], functions: FunctionSet)
         raise InputError("a stored tree is damaged: its codes do not make a tree")
     measure(given.astype(np.uint8), functions)
     return Tree(tuple(functions.names[int(code)] for code in codes))
-
-
-assert len(SKILLS) == 4  # _link counts four skills

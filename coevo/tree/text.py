@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from coevo.errors import InputError, nearest_name
-from coevo.tree.functions import CATEGORIES, SKILLS
+from coevo.tree.functions import FunctionSet
+from coevo.vocabulary import CATEGORIES, PREFIX, SKILLS, THINGS, is_standard
 
 __all__ = ["Tree", "parse"]
 
-_FUNCTION = re.compile(r"IF_(ball|own_goal|opponent_goal|r\d+)_is_(\w+)")
 _TOKEN = re.compile(r"\s*([A-Za-z_]\w*|[(),])")
 
 
 @dataclass(frozen=True)
 class Tree:
-    """A tree as the names of its nodes in prefix order; every IF has two branches, every skill is a leaf."""
+    """A tree as the names of its nodes in prefix order; every IF has two branches, every terminal is a leaf."""
 
     names: tuple[str, ...]
 
@@ -27,7 +27,7 @@ class Tree:
         open_branches: list[int] = []
         for name in self.names:
             parts.append(name)
-            if name.startswith("IF_"):
+            if name.startswith(PREFIX):
                 parts.append("(")
                 open_branches.append(2)
                 continue
@@ -49,7 +49,7 @@ class Tree:
         second = [0] * len(self.names)
         waiting: list[int] = []
         for position, name in enumerate(self.names):
-            if name.startswith("IF_"):
+            if name.startswith(PREFIX):
                 waiting.append(position)
                 continue
             while waiting and second[waiting[-1]]:
@@ -66,23 +66,23 @@ class Tree:
         for name in self.names:
             depth = open_depths.pop()
             depths.append(depth)
-            if name.startswith("IF_"):
+            if name.startswith(PREFIX):
                 open_depths += [depth + 1, depth + 1]
         return tuple(depths)
 
     @property
     def depth(self) -> int:
-        """Depth of the deepest node; 0 for a single skill."""
+        """Depth of the deepest node; 0 for a single terminal."""
         return max(self.depths)
 
     @property
     def nodes(self) -> int:
-        """Number of functions and skills."""
+        """Number of functions and terminals."""
         return len(self.names)
 
     def objects(self) -> set[str]:
         """Return the objects that the tree asks about."""
-        return {name[3:].rsplit("_is_", 1)[0] for name in self.names if name.startswith("IF_")}
+        return {name[len(PREFIX) :].rsplit("_is_", 1)[0] for name in self.names if name.startswith(PREFIX)}
 
 
 def _tokens(text: str) -> Iterator[tuple[str, int]]:
@@ -97,19 +97,24 @@ def _tokens(text: str) -> Iterator[tuple[str, int]]:
         position = match.end()
 
 
-def _check_name(name: str, at: int) -> None:
-    match = _FUNCTION.fullmatch(name)
-    if name in SKILLS or (match and match.group(2) in CATEGORIES):
+def _check_name(name: str, at: int, functions: FunctionSet | None) -> None:
+    if is_standard(name) if functions is None else name in functions.codes:
         return
-    known: Iterable[str] = [
-        *SKILLS,
-        *(f"IF_{o}_is_{c}" for o in ("ball", "own_goal", "opponent_goal", "r0", "r1", "r2") for c in CATEGORIES),
-    ]
+    known: Iterable[str]
+    if functions is None:
+        things = (*THINGS, "r0", "r1", "r2")
+        known = [*SKILLS, *(f"{PREFIX}{thing}_is_{category}" for thing in things for category in CATEGORIES)]
+    else:
+        known = functions.names
     raise InputError(f"tree: unknown name {name!r} at character {at}.{nearest_name(name, known)}")
 
 
-def parse(text: str) -> Tree:
+def parse(text: str, functions: FunctionSet | None = None) -> Tree:
     """Read a tree such as ``IF_ball_is_left(shoot, IF_ball_is_lost(search, avoid))``.
+
+    Args:
+        text: functions with their two branches, and terminals.
+        functions: whose names it may hold; without it those of Table 6.1.
 
     Raises:
         InputError: the text is no tree; says what was expected and where.
@@ -126,12 +131,11 @@ def parse(text: str) -> Tree:
                 raise InputError(f"tree: expected {want!r} at character {at}, got {word!r}")
             continue
         if word in ("(", ")", ","):
-            raise InputError(
-                f"tree: expected IF_..._is_... or a skill ({', '.join(SKILLS)}) at character {at}, got {word!r}"
-            )
-        _check_name(word, at)
+            terminals = ", ".join(SKILLS if functions is None else functions.terminals)
+            raise InputError(f"tree: expected IF_... or a terminal ({terminals}) at character {at}, got {word!r}")
+        _check_name(word, at, functions)
         names.append(word)
-        if word.startswith("IF_"):
+        if word.startswith(PREFIX):
             expected += [")", "node", ",", "node", "("]
     if expected:
         raise InputError(

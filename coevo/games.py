@@ -1,0 +1,52 @@
+"""From settings to the game that they are about: the one place that knows which games there are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from coevo.config import EvolutionSettings, ForeignSettings, RunSettings
+from coevo.errors import InputError
+from coevo.game import warm_up
+from coevo.game_contract import Game, check_game
+from coevo.plugins import load_callable, own_failure
+from coevo.soccer_game import SoccerGame
+
+__all__ = ["make_game", "own_references", "prepare"]
+
+
+def make_game(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Game:
+    """Return the game of an experiment.
+
+    Args:
+        settings: the experiment.
+        folders: where a game of one's own is looked for, before what is installed.
+
+    Raises:
+        InputError: there is no such game, or it breaks the contract.
+    """
+    if isinstance(settings, RunSettings):
+        return SoccerGame(settings)
+    assert isinstance(settings, ForeignSettings)
+    reference = str(settings.game["kind"])
+    factory = load_callable(reference, "game.kind", folders)
+    try:
+        game: Game = factory({key: value for key, value in settings.game.items() if key != "kind"})
+        check_game(game, f"the game {reference}")
+    except InputError:
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever its author did
+        raise own_failure(f"making the game {reference}", error) from None
+    return game
+
+
+def prepare(settings: EvolutionSettings, tell: Callable[[str], None]) -> None:
+    """Make ready what takes long once, before workers need it; ``tell`` receives a line about it."""
+    if isinstance(settings, RunSettings):
+        warm_up(settings, tell)
+
+
+def own_references(settings: EvolutionSettings) -> list[str]:
+    """Return every ``module:name`` of the settings."""
+    references = [str(settings.game["kind"])] if isinstance(settings, ForeignSettings) else []
+    return references + ([settings.fitness.kind] if ":" in settings.fitness.kind else [])

@@ -1,0 +1,83 @@
+"""Soccer as a game of the contract: robots that see choose among learned skills."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coevo.config import RunSettings
+from coevo.game import Arena, Outcome
+from coevo.game_contract import Played, Role
+from coevo.soccer.conditions import Condition, function_names, soccer_conditions, things_of
+from coevo.tree import FunctionSet, Program, object_situations
+from coevo.vocabulary import SKILLS
+
+__all__ = ["SoccerGame", "function_set"]
+
+
+def function_set(
+    robot: int, robots: int, added: Iterable[Condition] = (), terminals: Sequence[str] = SKILLS
+) -> FunctionSet:
+    """Return the function set of one of ``robots`` robots: 28 functions with two, 35 with three (6.4.1, 6.4.2).
+
+    Args:
+        robot, robots: who asks, and how many there are.
+        added: conditions beside those of Table 6.1; their functions come after all of these.
+        terminals: names of the skills.
+    """
+    situations = tuple(object_situations(thing) for thing in things_of(robot, robots))
+    return FunctionSet(function_names(robot, robots, added), tuple(terminals), situations)
+
+
+class SoccerGame:
+    """Games of soccer of one setting; see ``coevo.game_contract.Game``.
+
+    Args:
+        settings: the experiment.
+    """
+
+    counts = ("goals", "lost", "kicks", "collisions", "steps", "passes", "own_goals")
+
+    def __init__(self, settings: RunSettings) -> None:
+        self.settings = settings
+        self.roles = tuple(
+            Role(f"r{number}", player.team, player.control == "evolve")
+            for number, player in enumerate(settings.players)
+        )
+        self._teams = np.array([role.team for role in self.roles], np.int64)
+
+    @cached_property
+    def arena(self) -> Arena:
+        """The world that the games are played in, made when it is first needed."""
+        return Arena(self.settings)
+
+    @cached_property
+    def _functions(self) -> tuple[FunctionSet, ...]:
+        _, added = soccer_conditions(self.settings.categories, self.settings.conditions)
+        robots = len(self.roles)
+        return tuple(function_set(robot, robots, added, tuple(self.settings.terminals)) for robot in range(robots))
+
+    def function_set(self, role: int) -> FunctionSet:
+        """Return what the trees of a robot are made of."""
+        return self._functions[role]
+
+    def play(self, programs: Sequence[Program | None], seeds: NDArray[np.uint64]) -> Played:
+        """Play one game a seed; see ``coevo.game_contract.Game`` and ``Arena.play``."""
+        return self.played(self.arena.play(programs, seeds))
+
+    def played(self, outcome: Outcome) -> Played:
+        """Return what an outcome means to each robot: goals of its team, goals of any other, and what it did itself."""
+        scorer = outcome.scorer[:, None]
+        counts = {
+            "goals": (scorer == self._teams).astype(np.int64),
+            "lost": ((scorer >= 0) & (scorer != self._teams)).astype(np.int64),
+            "kicks": outcome.kicks,
+            "collisions": outcome.collisions,
+            "steps": np.repeat(outcome.steps[:, None], len(self.roles), axis=1),
+            "passes": outcome.passes,
+            "own_goals": np.zeros_like(outcome.kicks),  # the kernel is to count them
+        }
+        return Played(counts, outcome.scorer, outcome.leaf_steps)

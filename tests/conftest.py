@@ -16,7 +16,8 @@ from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
 from coevo.recipes import read_recipe, recipe_names
 from coevo.run import create_run, open_run
-from coevo.tree import CATEGORIES, SKILLS, Tree
+from coevo.tree import Tree
+from coevo.vocabulary import CATEGORIES, SKILLS
 
 settings.register_profile("unhurried", deadline=None)  # the first call of a kernel may have to compile it
 settings.load_profile("unhurried")

@@ -106,7 +106,39 @@ def test_presets_have_the_players_of_section_6_4(preset, players, recipe):
         pytest.param("gp.zzz=4", "unknown setting 'gp.zzz'. Known here: population, generations", id="nothing near"),
         pytest.param("world.robot.drve='pws'", "'world.robot.drve'. Did you mean 'drive'?", id="deep"),
         pytest.param("players.1.taem=0", "unknown setting 'players.1.taem'. Did you mean 'team'?", id="in a list"),
-        pytest.param("skills.pass_='pass'", "'skills.pass_'. Did you mean 'pass'?", id="the name inside Python"),
+        pytest.param(
+            "skills.IF_kick=shoot", "and do not begin with IF_; got 'IF_kick'", id="a terminal like a function"
+        ),
+        pytest.param("skills.2nd=shoot", "1 to 32 letters, digits and _ that begin with a letter", id="a digit first"),
+        pytest.param("skills.strike=3", "skills.strike: expected bool | str, got int", id="a number for a skill"),
+        pytest.param("skills.strike=true", 'expected a skill, or "" to take the terminal away', id="true for a skill"),
+        pytest.param(
+            "skills={shoot='', pass='', avoid=false, search=''}", "expected 1 to 32 that are not taken", id="no skill"
+        ),
+        pytest.param(
+            "conditions.near={objects=['bal'], expression='lost'}",
+            "conditions.near.objects.0: expected one of 'ball', 'own_goal', 'opponent_goal', 'robot', got 'bal'",
+            id="unknown object",
+        ),
+        pytest.param(
+            "conditions.near={objects=['ball']}", "conditions.near: Object missing required", id="no expression"
+        ),
+        pytest.param(
+            "conditions.near={object=['ball']}",
+            "'conditions.near.object'. Did you mean 'objects'?",
+            id="in a dictionary",
+        ),
+        pytest.param(
+            "conditions.left={objects=['ball'], expression='x < 3'}",
+            "conditions.left: Table 6.1 has a condition of this name",
+            id="a condition of Table 6.1",
+        ),
+        pytest.param(
+            "conditions.x_is_y={objects=['ball'], expression='x < 3'}", "and do not hold _is_", id="ambiguous name"
+        ),
+        pytest.param(
+            "conditions.near={objects=['ball', 'ball'], expression='x < 3'}", "expected each object once", id="twice"
+        ),
         pytest.param("gp.population=1", "gp.population: expected int >= 2, got 1", id="too small"),
         pytest.param("gp.population=2.5", "gp.population: expected int, got float", id="a share of one"),
         pytest.param("gp.population='many'", "gp.population: expected int, got str", id="text for a number"),
@@ -126,7 +158,9 @@ def test_presets_have_the_players_of_section_6_4(preset, players, recipe):
             "world.robot.drive='car'", "world.robot.drive: expected one of 'pws', '4ws', got 'car'", id="unknown choice"
         ),
         pytest.param(
-            "fitness.kind=vary", "fitness.kind: expected one of 'fixed', 'varying', got 'vary'", id="unquoted choice"
+            "fitness.kind=vary",
+            "kind: expected 'fixed', 'varying' or module:function of your own, got 'vary'",
+            id="word",
         ),
         pytest.param("gp.mutation=0.2", "crossover + reproduction + mutation must be 1, got 1.1", id="shares"),
         pytest.param("gp.elite=12", "elite must be smaller than population 12, got 12", id="all survive"),
@@ -218,7 +252,8 @@ junk = st.recursive(
 
 @given(data=st.data(), value=junk)
 def test_anything_in_the_place_of_a_setting_is_taken_or_refused(data, value, recipe):
-    settings = tomllib.loads(to_toml(check(RunSettings, recipe("smoke"), "smoke")))
+    more = ['conditions.near={objects=["ball"], expression="area >= 9"}', "skills.strike=shoot"]
+    settings = tomllib.loads(to_toml(check(RunSettings, override(recipe("smoke"), more), "smoke")))
     node = settings
     while True:
         key = data.draw(st.sampled_from(sorted(node) if isinstance(node, dict) else range(len(node))))

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coevo.config import FitnessSettings
-from coevo.fitness import fixed, score, varying
+from coevo.config import EvaluationSettings, EvolutionSettings, FitnessSettings, GPSettings
+from coevo.fitness import Scorer, fixed, varying
 
 COUNTS = ("goals", "lost", "kicks", "collisions", "steps")
 WEIGHTS = ("alpha_g", "alpha_l", "alpha_k", "alpha_c", "alpha_s", "beta")
@@ -174,8 +174,10 @@ def test_settings_and_defaults_are_the_constants_of_table_6_2(kind, table):
 @given(happened=counts, games=st.integers(1, 50), generation=st.integers(0, 60))
 def test_score_is_what_the_settings_ask_for(happened, games, generation):
     arrays = {name: np.array([value]) for name, value in happened.items()}
-    now = {"games": games, "generation": generation, "generations": 60}
-    (one,) = score(FitnessSettings(kind="fixed"), arrays, **now)
-    (other,) = score(FitnessSettings(kind="varying"), arrays, **now)
+    settings = EvolutionSettings(gp=GPSettings(generations=60), evaluation=EvaluationSettings(games=games))
+    (one,), (other,) = (
+        Scorer(msgspec.structs.replace(settings, fitness=FitnessSettings(kind=kind)), COUNTS)(arrays, generation)
+        for kind in ("fixed", "varying")
+    )
     assert one == pytest.approx(float(exactly(FIXED, happened, games)), rel=1e-12, abs=1e-12)
     assert other == pytest.approx(float(exactly_varying(happened, generation, 60, games)), rel=1e-12, abs=1e-9)

@@ -17,8 +17,11 @@ from coevo.seeds import game_seed, game_seeds
 from coevo.skill import ObjectModel, Skill
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL
-from coevo.tree import CATEGORIES, SKILLS, Tree, from_codes, function_set, parse
+from coevo.soccer.conditions import things_of
+from coevo.soccer_game import function_set
+from coevo.tree import Tree, from_codes, parse
 from coevo.tree.program import compile_program, tree_codes
+from coevo.vocabulary import CATEGORIES, SKILLS
 
 PRESETS = ("two-learners", "stationary-opponent", "three-learners", "smoke")
 HAND_TYPED, PASSES = "IF_ball_is_lost(search, shoot)", "IF_ball_is_lost(search, pass)"
@@ -291,9 +294,9 @@ def holds(settings, thing, category, features, area):
 @pytest.mark.parametrize("robot", [0, 1, 2])
 def test_each_condition_is_what_the_robot_sees(robot):
     settings = settings_of("three-learners", "game.time_limit_steps=250")
-    arena, eye, functions = Arena(settings), PlainGame(settings), function_set(robot, 3)
+    arena, eye = Arena(settings), PlainGame(settings)
     seen = {}
-    for thing, name in enumerate(functions.objects):
+    for thing, name in enumerate(things_of(robot, 3)):
         for category in CATEGORIES:
             trees = the_same_tree(settings, HAND_TYPED)
             trees[robot] = parse(f"IF_{name}_is_{category}(shoot, search)")
@@ -362,7 +365,12 @@ def test_noise_changes_a_game_and_can_be_repeated(noise):
 
 def test_actuator_noise_has_its_deviation():
     # A robot that stands is not disturbed; one that drives is, by a share of its speed.
-    settings = settings_of("two-learners", "world.robot.actuator_noise=0.05", "world.robot.max_acceleration_mps2=1e5")
+    settings = settings_of(
+        "two-learners",
+        "world.robot.actuator_noise=0.05",
+        "world.robot.max_acceleration_mps2=1e5",
+        "skills_elsewhere=allow",
+    )
     arena, commands = Arena(settings), []
     team = programs(settings, the_same_tree(settings, HAND_TYPED))
     for seed in seeds_of(19, count=30):

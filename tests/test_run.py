@@ -21,7 +21,8 @@ from coevo.config import RunSettings, check, read_toml
 from coevo.errors import InputError
 from coevo.files import digest_of
 from coevo.run import Checkpoint, Run, create_run, open_run
-from coevo.tree import Tree, from_codes, function_set
+from coevo.soccer_game import function_set
+from coevo.tree import Tree, from_codes
 
 WRITES = ("generations.csv", "part", "checkpoint.npz")  # of one generation, in their order
 

@@ -14,7 +14,7 @@ from coevo.soccer.camera import FEATURES, camera_params, make_retina, object_cou
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params, replay
 from coevo.soccer.world import World
-from coevo.tree import function_set
+from coevo.soccer_game import function_set
 from coevo.tree.program import compile_program
 
 STEPS, GAMES = 300, 20

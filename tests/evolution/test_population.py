@@ -13,7 +13,8 @@ from scipy import stats
 
 from coevo.config import GPSettings
 from coevo.evolution.population import breed, codes_of, first_population, individual_of
-from coevo.tree import Tree, function_set, parse, tree_codes
+from coevo.soccer_game import function_set
+from coevo.tree import Tree, parse, tree_codes
 
 functions = function_set(0, 3)
 UNLIKELY = 1e-4  # of a statistic under the closed form; the seeds are fixed, so a test that passes always does

@@ -16,7 +16,7 @@ from coevo.config import CameraSettings, GameSettings, PlayerSettings, RunSettin
 from coevo.errors import InputError
 from coevo.game import Trace
 from coevo.replay import draw_frame, frame_size, scene, trace_digest, write_trace, write_video
-from coevo.tree import SKILLS
+from coevo.vocabulary import SKILLS
 
 if TYPE_CHECKING:
     from pathlib import Path

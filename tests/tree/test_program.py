@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coevo.errors import InputError
-from coevo.tree import SKILLS, Tree, compile_program, from_codes, function_set, parse, tree_codes
+from coevo.soccer_game import function_set
+from coevo.tree import Tree, compile_program, from_codes, parse, tree_codes
 from coevo.tree.program import measure
 
 trees = st.from_type(Tree)
@@ -26,9 +27,9 @@ def decide(node, true):
 def walk(program, true):
     """Return the skill that a flat program chooses, as its documentation says."""
     at = 0
-    while program.codes[at] < 255 - 3:
+    while program.codes[at] >= 0:
         at = at + 1 if functions.names[program.codes[at]] in true else program.second[at]
-    return SKILLS[255 - program.codes[at]]
+    return functions.terminals[-1 - program.codes[at]]
 
 
 @given(tree=trees, data=st.data())
@@ -77,12 +78,11 @@ def test_programs_do_not_depend_on_how_many_functions_there_are():
     one, two = (compile_program(tree_codes(tree, of), of) for of in (small, large))
     assert np.array_equal(one.codes, two.codes)
     assert np.array_equal(one.second, two.second)
-    assert set(one.codes[one.second == 0]) == {255, 254, 253, 252}
+    assert set(one.codes[one.second == 0]) == {-1, -2, -3, -4}
 
 
 def test_a_tree_that_asks_about_what_a_robot_does_not_see_is_refused():
     tree = parse("IF_r2_is_left(shoot, pass)")
-    with pytest.raises(InputError, match="IF_r2_is_left is not in this robot's function set") as caught:
+    with pytest.raises(InputError, match="IF_r2_is_left is not in this role's function set") as caught:
         tree_codes(tree, function_set(0, 2))
-    assert "it sees ball, own_goal, opponent_goal, r1" in str(caught.value)
-    assert "Did you mean 'IF_r1_is_left'?" in str(caught.value)
+    assert "Did you mean 'IF_r1_is_left'? Its terminals are shoot, pass, avoid, search" in str(caught.value)

@@ -7,7 +7,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from coevo.errors import InputError
-from coevo.tree import SKILLS, Tree, parse
+from coevo.tree import Tree, parse
+from coevo.vocabulary import SKILLS
 
 trees = st.from_type(Tree)
 CHAIN = 3000
@@ -105,7 +106,7 @@ def test_trees_deeper_than_pythons_stack_are_read_and_written():
         pytest.param("IF_ball_is_left shoot, pass", r"expected '\(' at character 17, got 'shoot'", id="no bracket"),
         pytest.param("shoot(pass, avoid)", r"expected the end .*character \d+, got '\('", id="skill with branches"),
         pytest.param("shoot pass", r"expected the end .*character \d+, got 'pass'", id="two trees"),
-        pytest.param("(shoot)", r"expected IF_..._is_... or a skill .*at character 1, got '\('", id="bracket first"),
+        pytest.param("(shoot)", r"expected IF_... or a terminal .*at character 1, got '\('", id="bracket first"),
         pytest.param("IF_ball_is_left(, pass)", r"expected IF_.* at character 17, got ','", id="branch left out"),
         pytest.param("shot", "unknown name 'shot' at character 1. Did you mean 'shoot'?", id="skill misspelt"),
         pytest.param(

@@ -514,8 +514,8 @@ def test_a_tree_that_is_not_there_is_told_with_what_is(robot, generation, rank, 
         small_run.tree(robot, generation, rank)
 
 
-def test_a_robot_that_stands_has_no_trees(small_settings, tmp_path):
-    run = create_run(tmp_path / "run", small_settings(preset="stationary-opponent"))
+def test_a_robot_that_stands_has_no_trees(small_settings, go_on, tmp_path):
+    run = go_on(create_run(tmp_path / "run", small_settings("gp.generations=1", preset="stationary-opponent")))
     with pytest.raises(InputError, match="'r2' does not evolve in this run; choose one of r0, r1"):
         run.tree("r2", 0)
 

@@ -193,7 +193,7 @@ def _summarise(run: Run, seconds: float, *, as_json: bool) -> None:
         return
     took = f" in {duration(seconds)}" if seconds else ""
     click.echo(f"{settings.gp.generations} generations, {games} games{took}. The best of the last generation:")
-    shown = [name for name in ("goals", "lost") if name in run.game.counts] or list(run.game.counts)[:4]
+    shown = ["goals", "lost"] if {"goals", "lost"} <= set(run.game.counts) else list(run.game.counts)[:4]
     header = ["fitness", *shown, "depth", "nodes"]
     rows = [
         [name, f"{r['best_fitness']:.3f}", *(str(r[column]) for column in header[1:])] for name, r in robots.items()

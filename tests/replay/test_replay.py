@@ -153,7 +153,9 @@ def test_a_frame_has_everything_in_its_place(width: int) -> None:
     for number, (x, y, heading) in enumerate(poses[:-1]):
         away = 0.14 * np.array([np.cos(heading), np.sin(heading)])  # between the name and the rim
         assert pixel(image, x + away[0], y + away[1]) == scene.ROBOT_COLOURS[number]
-    assert scene.SKILL_COLOURS["shoot"] in {pixel(image, 2.0 + dx, 0.67) for dx in np.linspace(-0.2, 0.2, 21)}
+    assert dict(scene.skill_colours(SETTINGS))["shoot"] in {
+        pixel(image, 2.0 + dx, 0.67) for dx in np.linspace(-0.2, 0.2, 21)
+    }
     assert pixel(image, 3.0, 1.0) != scene.FLOOR  # r0 sees this
     assert pixel(image, 7.0, 2.0) == scene.FLOOR  # r2 stands still and needs no eyes
 

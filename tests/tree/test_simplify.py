@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coevo.tree import Tree, parse, simplify
+from coevo.soccer_game import function_set
+from coevo.tree import FunctionSet, Tree, parse, simplify
 from coevo.usage import merge_usage
 
 few = settings(max_examples=60)  # each looks at up to 100,000 situations
@@ -118,3 +119,31 @@ def test_merged_counts_are_those_of_playing_with_the_simplified_tree(tree, seed,
 )
 def test_worked_examples(tree, smaller):
     assert str(simplify(parse(tree))) == smaller
+
+
+def test_conditions_of_ones_own_are_questions_of_their_own():
+    functions = FunctionSet(("IF_ball_is_left", "IF_ball_is_near", "IF_dark"), ("go", "stay"))
+    asked_again = "IF_ball_is_near(IF_dark(IF_ball_is_near(go, stay), stay), go)"
+    assert str(simplify(parse(asked_again, functions), functions)) == "IF_ball_is_near(IF_dark(go, stay), go)"
+    independent = parse("IF_ball_is_left(IF_ball_is_near(go, stay), stay)", functions)
+    assert simplify(independent, functions) == independent
+
+
+def test_what_excludes_each_other_is_said_by_the_function_set():
+    """Two words that are standard in soccer and mean nothing here; and two of one's own that exclude each other."""
+    words = ("IF_ball_is_left", "IF_ball_is_right", "IF_day", "IF_night")
+    either = (frozenset({"IF_day"}), frozenset({"IF_night"}))
+    functions = FunctionSet(words, ("go", "stay"), (either,))
+    both = parse("IF_ball_is_left(IF_ball_is_right(go, stay), stay)", functions)
+    assert simplify(both, functions) == both
+    assert str(simplify(parse("IF_day(IF_night(go, stay), go)", functions), functions)) == "IF_day(stay, go)"
+    assert str(simplify(parse("IF_day(go, IF_night(stay, go))", functions), functions)) == "IF_day(go, stay)"
+
+
+def test_a_function_set_of_soccer_says_what_table_6_1_does():
+    functions = function_set(0, 3)
+    for text in (
+        "IF_ball_is_lost(search, IF_ball_is_small(shoot, IF_ball_is_medium(pass, IF_ball_is_large(avoid, shoot))))",
+        "IF_r1_is_left(IF_r1_is_lost(shoot, search), pass)",
+    ):
+        assert simplify(parse(text), functions) == simplify(parse(text)) != parse(text)

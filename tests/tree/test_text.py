@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from coevo.errors import InputError
-from coevo.tree import Tree, parse
+from coevo.tree import FunctionSet, Tree, parse
 from coevo.vocabulary import SKILLS
 
 trees = st.from_type(Tree)
@@ -154,3 +154,15 @@ def test_any_text_is_a_tree_or_an_input_error(text):
         assert str(error).startswith("tree: ")  # noqa: PT017 - the other way is no error at all
     else:
         assert parse(str(tree)) == tree
+
+
+def test_a_text_is_checked_against_the_names_that_are_given():
+    functions = FunctionSet(("IF_dark",), ("go", "stay"))
+    tree = parse("IF_dark(go, IF_dark(stay, go))", functions)
+    assert parse(str(tree), functions) == tree
+    with pytest.raises(InputError, match=r"unknown name 'IF_drak' at character 1\. Did you mean 'IF_dark'\?"):
+        parse("IF_drak(go, stay)", functions)
+    with pytest.raises(InputError, match=r"a terminal \(go, stay\) at character 1"):
+        parse("(go)", functions)
+    with pytest.raises(InputError, match="unknown name 'shoot'"):
+        parse("shoot", functions)

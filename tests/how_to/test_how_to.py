@@ -1,0 +1,88 @@
+"""The how-tos, followed to the letter in an empty folder: their files are written, and their commands run."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from coevo.cli import main
+from coevo.run import open_run
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+NAMED = re.compile(r"# (\S+\.(?:py|toml))\n")
+
+
+@pytest.fixture
+def coevo(monkeypatch, capsys):
+    """Return a function that runs a command as a shell would, and returns its output."""
+
+    def run(line):
+        monkeypatch.setattr("sys.argv", shlex.split(line))
+        main()  # what goes wrong ends Python, and so fails the test
+        return capsys.readouterr().out
+
+    return run
+
+
+@pytest.fixture
+def follow(tmp_path, monkeypatch, coevo):
+    """Return a function that does what a how-to says, and returns the folder that it was done in."""
+
+    def do(name):
+        monkeypatch.chdir(tmp_path)
+        commands = 0
+        for language, text in BLOCK.findall((DOCS / "how-to" / name).read_text(encoding="utf-8")):
+            named = NAMED.match(text)
+            if named:
+                Path(named.group(1)).write_text(text, encoding="utf-8")
+            if language == "sh":
+                for line in text.splitlines():
+                    coevo(line)
+                    commands += 1
+        assert commands
+        return tmp_path
+
+    return do
+
+
+def trees(run):
+    return [run.tree(robot, 0, rank) for robot in run.evolving.values() for rank in range(run.config.gp.population)]
+
+
+def test_condition(follow):
+    run = open_run(follow("condition.md") / "runs" / "near")
+    assert any("IF_ball_is_near" in tree.names for tree in trees(run))
+
+
+def test_fitness(follow, coevo):
+    folder = follow("fitness.md")
+    table = pd.read_parquet(folder / "runs" / "passing" / "individuals.parquet")
+    games, left = 4, 1.0 - table["generation"] / 3
+    expected = games - table["goals"] - 0.5 * left * table["passes"] + table["own_goals"]
+    assert table["fitness"].tolist() == expected.tolist()
+
+    # Changed meanwhile: the run has its own copy, and repeats with it.
+    (folder / "teamwork.py").write_text("nonsense", encoding="utf-8")
+    coevo("coevo evolve runs/passing/config.toml --out again")
+    one, two = (folder / name / "generations.csv" for name in ("again", "runs/passing"))
+    assert one.read_bytes() == two.read_bytes()
+
+
+def test_game(follow):
+    run = open_run(follow("game.md") / "runs" / "echo")
+    best = run.generations[run.generations["generation"] == 4]
+    assert best["robot"].tolist() == ["one", "two"]
+    assert best["agreed"].tolist() == [40, 40]  # all rounds of all games
+
+
+@pytest.mark.slow
+def test_skill(follow):
+    run = open_run(follow("skill.md") / "runs" / "finding")
+    used = {name for tree in trees(run) for name in tree.names if not name.startswith("IF_")}
+    assert used == {"shoot", "pass", "avoid", "find"}
+    assert list(run.game.function_set(0).terminals) == ["shoot", "pass", "avoid", "find"]

@@ -7,7 +7,9 @@ write it without compiled code).
 
 from __future__ import annotations
 
+import ast
 import math
+import operator
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,13 +28,27 @@ from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params
 from coevo.soccer.placement import place, regions
 from coevo.soccer.world import World
-from coevo.soccer_game import function_set
+from coevo.soccer_game import SoccerGame
 from coevo.tree import Tree
 
 __all__ = ["PlainGame"]
 
 _BALL, _GOALS = 0, (1, 2)
 _THINGS = {"ball": 0, "own_goal": 1, "opponent_goal": 2}
+_CORNERS = [f"{end}_{side}_{axis}" for end in ("upper", "lower") for side in ("left", "right") for axis in ("x", "y")]
+_FEATURES = {
+    "ball": ["x", "y", "radius", "area"],
+    "goal": ["x", "y", *_CORNERS, "area"],
+    "robot": ["x", "y", "width", "height", "area"],
+}
+_ARITHMETIC: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Lt: operator.lt,
+    ast.GtE: operator.ge,
+}
 _Eye = Callable[[NDArray[np.float64], int], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
@@ -85,6 +101,7 @@ class PlainGame:
         self.settings = settings
         self._skills = {name: load_skill(source) for name, source in settings.terminals.items()}
         self._terminals = list(self._skills)
+        self._game = SoccerGame(settings)
         self._policies = {name: skill.policy for name, skill in self._skills.items()}
         self._history = max(model.history_length for skill in self._skills.values() for model in skill.objects)
         self._actions = action_set(settings.world.robot)
@@ -155,7 +172,7 @@ class PlainGame:
 
     def _robot(self, number: int, side: int, tree: Tree, now: dict[int, dict[str, bool]]) -> _Robot:
         """Compile a tree the way DEAP's examples do: each IF asks its condition, then runs one branch."""
-        functions = function_set(number, len(self.settings.players))
+        functions = self._game.function_set(number)
         primitives = gp.PrimitiveSet(f"r{number}", 0)
 
         def ask(condition: str, first: Callable[[], str], second: Callable[[], str]) -> str:
@@ -223,6 +240,9 @@ class PlainGame:
                 }
             for category in ("left", "middle", "right", "small", "medium", "large", "lost"):
                 found[f"IF_{name}_is_{category}"] = category in true
+            for category, condition in self.settings.conditions.items():
+                if (name if name in _THINGS else "robot") in condition.objects:
+                    found[f"IF_{name}_is_{category}"] = _holds(condition.expression, name, sight.features)
         return found
 
     def _state(self, player: _Robot, skill: Skill) -> int:
@@ -253,6 +273,32 @@ class PlainGame:
             if other != player.number and settings.team == team:
                 return player.sights[ROBOTS + other - (1 if other > player.number else 0)]
         return None
+
+
+def _holds(expression: str, name: str, features: NDArray[np.float64] | None) -> bool:
+    """Tell whether an added condition holds, by working its expression out as it stands."""
+    if expression.strip() == "lost" or features is None:
+        return expression.strip() == "lost" and features is None
+    names = _FEATURES["ball" if name == "ball" else "goal" if name in _THINGS else "robot"]
+    known = {"visible": True, **dict(zip(names, features.tolist(), strict=False))}
+    return bool(_work_out(ast.parse(expression.strip(), mode="eval").body, known))
+
+
+def _work_out(node: ast.expr, known: dict[str, Any]) -> Any:
+    match node:
+        case ast.Name(id=name):
+            return known[name]
+        case ast.Constant(value=value):
+            return value
+        case ast.UnaryOp(op=op, operand=operand):
+            return -_work_out(operand, known) if isinstance(op, ast.USub) else _work_out(operand, known)
+        case ast.BinOp(left=left, op=op, right=right):
+            return _ARITHMETIC[type(op)](_work_out(left, known), _work_out(right, known))
+        case ast.Compare(left=left, ops=[op], comparators=[right]):
+            return _ARITHMETIC[type(op)](_work_out(left, known), _work_out(right, known))
+        case ast.BoolOp(values=values):
+            return all(_work_out(value, known) for value in values)
+    raise ValueError(f"cannot work out {ast.unparse(node)}")
 
 
 class _Referee:

@@ -18,7 +18,7 @@ from coevo.skill import ObjectModel, Skill
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL
 from coevo.soccer.conditions import things_of
-from coevo.soccer_game import function_set
+from coevo.soccer_game import SoccerGame
 from coevo.tree import Tree, from_codes, parse
 from coevo.tree.program import compile_program, tree_codes
 from coevo.vocabulary import CATEGORIES, SKILLS
@@ -38,10 +38,9 @@ def controlled(settings):
 
 
 def programs(settings, trees):
-    robots = len(settings.players)
-    found = []
+    game, found = SoccerGame(settings), []
     for robot, tree in enumerate(trees):
-        functions = function_set(robot, robots)
+        functions = game.function_set(robot)
         found.append(None if tree is None else compile_program(tree_codes(tree, functions), functions))
     return found
 
@@ -49,10 +48,9 @@ def programs(settings, trees):
 def random_trees(settings, count, seed):
     """Return ``count`` teams of random trees, None for robots that stand."""
     gp = GPSettings(population=count, elite=0, creation_depth_min=1, creation_depth_max=6)
-    robots = len(settings.players)
-    columns = []
+    game, columns = SoccerGame(settings), []
     for robot, evolves in enumerate(controlled(settings)):
-        functions = function_set(robot, robots)
+        functions = game.function_set(robot)
         trees = first_population(gp, functions, seed=seed, robot=robot)
         columns.append([from_codes(codes_of(tree, functions), functions) if evolves else None for tree in trees])
     return list(zip(*columns, strict=True))
@@ -157,6 +155,31 @@ def test_crowded_games_of_random_skills_are_those_of_the_plain_loop(wild, drive)
     for name, least in (("kicks", 40), ("collisions", 20), ("passes", 1)):
         assert sum(getattr(outcome, name).sum() for outcome in outcomes) >= least, name
     assert np.all(sum(outcome.skill_steps for outcome in outcomes) > 0)
+    assert different == []
+
+
+ADDED = (
+    "conditions.near={objects=['ball', 'robot'], expression='area >= 40 and x >= 10 and x < 54'}",
+    "conditions.leaning={objects=['own_goal', 'opponent_goal'], expression='upper_left_y - upper_right_y * 1.1 < -1'}",
+    "conditions.high={objects=['robot', 'ball'], expression='y < 0.5 * x + 8'}",
+    "conditions.there={objects=['ball', 'robot', 'own_goal'], expression='visible'}",
+    "conditions.gone={objects=['opponent_goal'], expression='lost'}",
+    "skills.avoid=''",
+    "skills.strike=shoot",
+    "skills.flee=avoid",
+    "skills.find=search",
+)
+
+
+def test_games_of_added_conditions_and_skills_are_those_of_the_plain_loop():
+    settings = settings_of("three-learners", "game.time_limit_steps=300", *ADDED)
+    trees = random_trees(settings, 20, seed=31)
+    asked = {name for team in trees for tree in team for name in tree.names}
+    added = {name for robot in range(3) for name in SoccerGame(settings).function_set(robot).functions[35:]}
+    assert len(added) == 16  # near and high 4 each, there 5, leaning 2, gone 1
+    assert added <= asked
+    different, outcomes = play_both(settings, trees, seeds_of(6, count=20))
+    assert np.all(sum(outcome.skill_steps for outcome in outcomes).sum(axis=0) > 0)  # each of the six terminals acts
     assert different == []
 
 

@@ -15,6 +15,7 @@ from coevo.errors import InputError
 from coevo.skill import SkillBank, check_world, load_skill, make_bank
 from coevo.skill.estimate import Memory, discrete_state, forget, make_memory, perturb, remember
 from coevo.soccer.camera import BALL, ROBOTS, CameraParams, Retina, camera_params, look, make_retina
+from coevo.soccer.conditions import condition_table
 from coevo.soccer.drive import action_set
 from coevo.soccer.events import (
     EventParams,
@@ -283,6 +284,7 @@ class Arena:
         self.world = World(world, robots)
         self._physics = physics_params(world)
         self._camera = camera_params(world)
+        condition_table(robots, settings.categories, settings.conditions)  # the kernel is to take it; now it is checked
         self._rules = _make_rules(settings.game, settings.categories, players, actions.codes, actions.commands)
         self._event_rules = event_params(world)
         self._regions = regions([player.start for player in players], settings.game.ball_start)

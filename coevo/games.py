@@ -12,7 +12,7 @@ from coevo.game_contract import Game, check_game
 from coevo.plugins import load_callable, own_failure
 from coevo.soccer_game import SoccerGame
 
-__all__ = ["make_game", "own_references", "prepare"]
+__all__ = ["check_playable", "make_game", "own_references", "prepare"]
 
 
 def make_game(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Game:
@@ -37,6 +37,18 @@ def make_game(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Game
         raise
     except Exception as error:  # noqa: BLE001 - whatever its author did
         raise own_failure(f"making the game {reference}", error) from None
+    return game
+
+
+def check_playable(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Game:
+    """Make the game of an experiment with all that it needs to be played, so that what is wrong is told beforehand.
+
+    Raises:
+        InputError: as of ``make_game``; or a skill or a condition cannot be used.
+    """
+    game = make_game(settings, folders)
+    if isinstance(game, SoccerGame):
+        assert game.arena.bank
     return game
 
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,48 +26,15 @@ from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, w
 from coevo.game_contract import Game
 from coevo.games import make_game, own_references
 from coevo.plugins import own_file, search_folders
+from coevo.records import Checkpoint, GenerationRecord, columns, table_lines
 from coevo.tree import Tree, from_codes
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Checkpoint", "GenerationRecord", "Run", "create_run", "open_run"]
+__all__ = ["Run", "create_run", "open_run"]
 
 _FORMAT = 1
-
-
-@dataclass(frozen=True)
-class GenerationRecord:
-    """All individuals of one role in one generation.
-
-    role: its number. robot: its name, as in the column of this name.
-    codes: per individual its tree, (nodes,) uint8 in prefix order.
-    group: (population,) int64, which group it played in. fitness: (population,) float64.
-    counts: by name (population,) int64, summed over its games, in the order of the game's counts.
-    depth, nodes: (population,) int64.
-    """
-
-    role: int
-    robot: str
-    codes: Sequence[NDArray[np.uint8]]
-    group: NDArray[np.int64]
-    fitness: NDArray[np.float64]
-    counts: Mapping[str, NDArray[np.int64]]
-    depth: NDArray[np.int64]
-    nodes: NDArray[np.int64]
-
-    @property
-    def order(self) -> NDArray[np.int64]:
-        """(population,) indices from best to worst: by fitness, then depth, then index."""
-        return np.lexsort((np.arange(len(self.fitness)), self.depth, self.fitness)).astype(np.int64)
-
-
-@dataclass(frozen=True)
-class Checkpoint:
-    """What is needed to go on: the number of the next generation, and per role its population's codes."""
-
-    generation: int
-    populations: Mapping[int, Sequence[NDArray[np.uint8]]]
 
 
 @contextmanager
@@ -88,26 +54,6 @@ def _write_whole(path: Path, data: bytes) -> None:
         write_whole(path, data)
 
 
-def _columns(counts: Sequence[str]) -> list[str]:
-    """Return the columns of generations.csv."""
-    sizes = [f"{size}_{which}" for size in ("depth", "nodes") for which in ("best", "mean", "worst")]
-    return ["generation", "robot", "fitness_best", "fitness_mean", "fitness_worst", *counts, *sizes]
-
-
-def _lines(generation: int, records: Sequence[GenerationRecord]) -> list[str]:
-    """Return the lines of a generation in generations.csv."""
-    lines = []
-    for record in records:
-        best, worst = int(record.order[0]), int(record.order[-1])
-        row: list[Any] = [generation, record.robot]
-        row += [float(record.fitness[best]), float(record.fitness.mean()), float(record.fitness[worst])]
-        row += [int(values[best]) for values in record.counts.values()]
-        for sizes in (record.depth, record.nodes):
-            row += [int(sizes[best]), float(sizes.mean()), int(sizes[worst])]
-        lines.append(",".join(str(value) for value in row))
-    return lines
-
-
 class Run:
     """A run on disk; made by ``create_run`` and ``open_run``."""
 
@@ -125,7 +71,7 @@ class Run:
 
         path = self.path / "generations.csv"
         if not path.exists():
-            return pd.DataFrame(columns=_columns(self.game.counts))
+            return pd.DataFrame(columns=columns(self.game.counts))
         try:
             return pd.read_csv(path)
         except (ValueError, OSError) as error:
@@ -265,22 +211,22 @@ class Run:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        columns: dict[str, Any] = {}
+        table: dict[str, Any] = {}
         total = sum(len(record.fitness) for record in records)
-        columns["generation"] = np.full(total, generation, np.int32)
-        columns["robot"] = pa.array([record.robot for record in records for _ in record.fitness])
-        columns["index"] = np.concatenate([np.arange(len(record.fitness), dtype=np.int32) for record in records])
-        columns["group"] = np.concatenate([record.group.astype(np.int32) for record in records])
-        columns["fitness"] = np.concatenate([record.fitness for record in records])
+        table["generation"] = np.full(total, generation, np.int32)
+        table["robot"] = pa.array([record.robot for record in records for _ in record.fitness])
+        table["index"] = np.concatenate([np.arange(len(record.fitness), dtype=np.int32) for record in records])
+        table["group"] = np.concatenate([record.group.astype(np.int32) for record in records])
+        table["fitness"] = np.concatenate([record.fitness for record in records])
         for name in self.game.counts:
-            columns[name] = np.concatenate([record.counts[name].astype(np.int32) for record in records])
-        columns["depth"] = np.concatenate([record.depth.astype(np.int16) for record in records])
-        columns["nodes"] = np.concatenate([record.nodes.astype(np.int32) for record in records])
+            table[name] = np.concatenate([record.counts[name].astype(np.int32) for record in records])
+        table["depth"] = np.concatenate([record.depth.astype(np.int16) for record in records])
+        table["nodes"] = np.concatenate([record.nodes.astype(np.int32) for record in records])
         codes = [tree for record in records for tree in record.codes]
         ends = np.cumsum([0, *(len(tree) for tree in codes)]).astype(np.int32)
-        columns["tree"] = pa.ListArray.from_arrays(pa.array(ends), pa.array(np.concatenate(codes)))
+        table["tree"] = pa.ListArray.from_arrays(pa.array(ends), pa.array(np.concatenate(codes)))
         buffer = pa.BufferOutputStream()  # Arrow's own, as in reading
-        pq.write_table(pa.table(columns), buffer, compression="zstd")
+        pq.write_table(pa.table(table), buffer, compression="zstd")
         path = self._part_path(generation)
         with _writing(path):
             path.parent.mkdir(exist_ok=True)
@@ -288,7 +234,11 @@ class Run:
         _write_whole(path, buffer.getvalue().to_pybytes())
 
     def _save_table(self, generation: int, records: Sequence[GenerationRecord]) -> None:
-        lines = [",".join(_columns(self.game.counts)), *self._earlier_lines(generation), *_lines(generation, records)]
+        lines = [
+            ",".join(columns(self.game.counts)),
+            *self._earlier_lines(generation),
+            *table_lines(generation, records),
+        ]
         _write_whole(self.path / "generations.csv", ("\n".join(lines) + "\n").encode())
 
     def _earlier_lines(self, generation: int) -> list[str]:
@@ -300,10 +250,10 @@ class Run:
             lines = []
         parts = [line.split(",") for line in lines]
         if [part[:2] for part in parts] == expected and all(
-            len(part) == len(_columns(self.game.counts)) for part in parts
+            len(part) == len(columns(self.game.counts)) for part in parts
         ):
             return lines
-        return [line for earlier in range(generation) for line in _lines(earlier, self.records(earlier))]
+        return [line for earlier in range(generation) for line in table_lines(earlier, self.records(earlier))]
 
     def records(self, generation: int) -> list[GenerationRecord]:
         """Return what was saved of a generation, a record a role."""

@@ -132,7 +132,29 @@ def refused(said, *parts):
             id="setting out of range",
         ),
         pytest.param(
-            ["evolve", "smoke", "--set", "fitness.kind=vary"], ["'fixed', 'varying', got 'vary'"], id="wrong choice"
+            ["evolve", "smoke", "--set", "fitness.kind=vary"],
+            ["fitness: kind must be 'fixed', 'varying' or module:function of your own, got 'vary'"],
+            id="wrong choice",
+        ),
+        pytest.param(
+            ["evolve", "smoke", "--set", "fitness.kind=absent:f"],
+            ["fitness.kind: there is no module 'absent' in "],
+            id="no fitness",
+        ),
+        pytest.param(
+            ["evolve", "smoke", "--set", "game.kind=absent:f", "--set", "fitness.kind=absent:f"],
+            ["the recipe smoke: unknown setting 'players'"],
+            id="another game with players",
+        ),
+        pytest.param(
+            ["evolve", "smoke", "--set", "conditions.near={objects=['ball'], expression='area > 9'}"],
+            ["conditions.near: cannot read 'area > 9'", "write '>='"],
+            id="unreadable condition",
+        ),
+        pytest.param(
+            ["evolve", "smoke", "--set", "world.robot.max_speed_mps=2.5"],
+            ["'shoot' was learned for a world with robot.max_speed_mps 1.0, here it is 2.5", "skills_elsewhere"],
+            id="skills of another world",
         ),
         pytest.param(["evolve", "smoke", "--set", "gp.population"], ["--set expects KEY=VALUE"], id="no value"),
         pytest.param(

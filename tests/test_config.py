@@ -159,7 +159,7 @@ def test_presets_have_the_players_of_section_6_4(preset, players, recipe):
         ),
         pytest.param(
             "fitness.kind=vary",
-            "kind: expected 'fixed', 'varying' or module:function of your own, got 'vary'",
+            "fitness: kind must be 'fixed', 'varying' or module:function of your own, got 'vary'",
             id="word",
         ),
         pytest.param("gp.mutation=0.2", "crossover + reproduction + mutation must be 1, got 1.1", id="shares"),

@@ -80,7 +80,7 @@ def test_a_fitness_cannot_change_what_is_recorded(own):
 @pytest.mark.parametrize(
     ("text", "kind", "message"),
     [
-        pytest.param("", "mine", "expected 'fixed', 'varying' or module:function of your own", id="no function"),
+        pytest.param("", "mine", "must be 'fixed', 'varying' or module:function of your own", id="no function"),
         pytest.param("", "mine:", "expected module:name", id="no name"),
         pytest.param("", "a b:f", "expected module:name", id="a space"),
         pytest.param("", "absent:f", r"there is no module 'absent' in .*; put absent.py there", id="no module"),

@@ -20,7 +20,8 @@ import pytest
 from coevo.config import RunSettings, check, read_toml
 from coevo.errors import InputError
 from coevo.files import digest_of
-from coevo.run import Checkpoint, Run, create_run, open_run
+from coevo.records import Checkpoint
+from coevo.run import Run, create_run, open_run
 from coevo.soccer_game import function_set
 from coevo.tree import Tree, from_codes
 

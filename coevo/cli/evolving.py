@@ -75,13 +75,13 @@ def evolve(
     from coevo.evolution.evaluation import check_backend
     from coevo.fitness import Scorer
     from coevo.game import StartsDoNotFitError
-    from coevo.games import make_game
+    from coevo.games import check_playable
     from coevo.plugins import search_folders
     from coevo.run import create_run
 
     check_backend(backend)
     folders = search_folders(Path(recipe).parent if is_path(recipe) else Path())
-    game = make_game(settings, folders)  # what is wrong is better found before there is a folder
+    game = check_playable(settings, folders)  # what is wrong is better found before there is a folder
     Scorer(settings, game.counts, folders)
     run = create_run(out if out is not None else _default_folder(settings), settings, folders)
     note(f"Run folder: {run.path}", quiet=quiet)

@@ -120,7 +120,7 @@ class FitnessSettings(Settings, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if self.kind not in ("fixed", "varying") and ":" not in self.kind:
-            raise ValueError(f"kind: expected 'fixed', 'varying' or module:function of your own, got {self.kind!r}")
+            raise ValueError(f"kind must be 'fixed', 'varying' or module:function of your own, got {self.kind!r}")
 
 
 class EvaluationSettings(Settings, frozen=True, kw_only=True):

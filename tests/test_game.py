@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from importlib.resources import files
 from pathlib import Path
@@ -14,7 +15,7 @@ from coevo.errors import InputError
 from coevo.evolution.population import codes_of, first_population
 from coevo.game import Arena, warm_up
 from coevo.plain import PlainGame
-from coevo.skill import ObjectModel, Skill
+from coevo.skill import ObjectModel, Skill, load_skill
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL
 from coevo.soccer.rng import game_seed
@@ -155,6 +156,33 @@ def test_crowded_games_of_random_skills_are_those_of_the_plain_loop(wild, drive)
     different, outcomes = play_both(settings, random_trees(settings, 25, seed=3), seeds_of(5, count=25))
     for name, least in (("kicks", 40), ("collisions", 20), ("passes", 1)):
         assert sum(getattr(outcome, name).sum() for outcome in outcomes) >= least, name
+    assert np.all(sum(outcome.skill_steps for outcome in outcomes) > 0)
+    assert different == []
+
+
+def with_one_lost_state(skill, path, objects):
+    """Write ``skill`` with one state only (3.9) for each of the ``objects`` (numbers) that is not visible."""
+    values = skill.values.reshape(*(model.states for model in skill.objects), skill.actions)
+    models = list(skill.objects)
+    for i in objects:
+        assert models[i].lost_states == 2
+        models[i] = dataclasses.replace(models[i], lost_states=1)
+        values = np.delete(values, -1, axis=i)
+    values = values.reshape(-1, skill.actions)
+    dataclasses.replace(skill, objects=tuple(models), values=values).save(path)
+
+
+@pytest.mark.parametrize("preset", ["two-learners", "three-learners"])
+def test_skills_with_one_lost_state_play_the_games_of_the_plain_loop(preset, tmp_path):
+    # The first, the last or the only object has one; r2 of three learners has no mate at all.
+    changed = {"shoot": (0,), "pass": (1,), "avoid": (0,), "search": (0,)}
+    for name, objects in changed.items():
+        with_one_lost_state(load_skill(name), tmp_path / f"{name}.npz", objects)
+    settings = settings_of(
+        preset, "game.time_limit_steps=200", *(f"skills.{name}='{tmp_path / name}.npz'" for name in changed)
+    )
+    trees = [the_same_tree(settings, skill) for skill in SKILLS] + random_trees(settings, 8, seed=28)
+    different, outcomes = play_both(settings, trees, seeds_of(29, count=12))
     assert np.all(sum(outcome.skill_steps for outcome in outcomes) > 0)
     assert different == []
 

@@ -1,4 +1,4 @@
-"""Settings: what goes out comes back, what is wrong is named with its remedy, and presets hold the source's values."""
+"""Settings: what goes out comes back, what is wrong is named with its remedy, and presets have the source's players."""
 
 from __future__ import annotations
 

@@ -16,9 +16,9 @@ from coevo.config import RunSettings, check
 PRESETS = ("two-learners", "stationary-opponent", "three-learners", "smoke")
 EXPERIMENTS = PRESETS[:3]  # of section 6.4
 
-# RoboCup, "The Regulations for Full Set Small Size Robot League", 30 September 1997: three times the length and the width
-# of the small league's field, which is a table for table tennis. The dissertation (3.5.1, 6.3.1) plays on the field of the
-# middle-size league, of the same size.
+# RoboCup, "The Regulations for Full Set Small Size Robot League", 30 September 1997: three times the length and the
+# width of the small league's field, which is a table for table tennis. The dissertation (3.5.1, 6.3.1) plays on the
+# field of the middle-size league, of the same size.
 TABLE_TENNIS_MM = (2740, 1525)  # the laws of table tennis, 2.1.1
 RULES_MM = {"length": 8220, "width": 4575, "goal width": 1500, "goal height": 500, "corner panel": 200}
 # What FIFA asks of a football of size 4: circumference and mass.

@@ -17,7 +17,7 @@ from coevo.game import Arena, warm_up
 from coevo.plain import PlainGame
 from coevo.skill import ObjectModel, Skill, load_skill
 from coevo.skill.model import OBJECT_KINDS
-from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL
+from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 from coevo.soccer.rng import game_seed
 from coevo.tree import CATEGORIES, SKILLS, Tree, from_codes, function_set, parse
 from coevo.tree.program import compile_program, tree_codes
@@ -46,9 +46,9 @@ def programs(settings, trees):
     return found
 
 
-def random_trees(settings, count, seed):
+def random_trees(settings, count, seed, depths=(1, 6)):
     """Return ``count`` teams of random trees, None for robots that stand."""
-    gp = GPSettings(population=count, elite=0, creation_depth_min=1, creation_depth_max=6)
+    gp = GPSettings(population=count, elite=0, creation_depth_min=depths[0], creation_depth_max=depths[1])
     robots = len(settings.players)
     columns = []
     for robot, evolves in enumerate(controlled(settings)):
@@ -519,3 +519,34 @@ def test_a_tree_is_its_text_in_any_writing():
         arena.play(programs(settings, [tree, tree]), seeds_of(26, count=3)) for tree in (spaced, parse(HAND_TYPED))
     )
     assert np.array_equal(one.steps, two.steps)
+
+
+# -------------------------------------------------------------------------------------- categories as random play sees
+
+
+def seen_by_random_teams(preset, teams, seed):
+    """Return the areas [px] of what is visible to robots of random trees: of the ball, the goals and the robots."""
+    settings = settings_of(preset)
+    arena, eye, evolves = Arena(settings), PlainGame(settings), controlled(settings)
+    found = {"ball": [], "goal": [], "robot": []}
+    for trees, game in zip(
+        random_trees(settings, teams, seed, depths=(2, 10)), seeds_of(seed, count=teams), strict=True
+    ):
+        for state in arena.trace(programs(settings, trees), game)[1].states[::15]:
+            for robot in np.flatnonzero(evolves):
+                _, areas = eye._eye(state, robot)
+                found["ball"].append(areas[BALL])
+                found["goal"] += areas[[OWN_GOAL, OPPONENT_GOAL]].tolist()
+                found["robot"] += areas[ROBOTS:].tolist()
+    return {kind: [area for area in areas if area > 0.0] for kind, areas in found.items()}
+
+
+def test_about_a_third_of_what_random_teams_see_is_small_and_a_third_large():
+    # Terciles of what is visible. Teams differ so much that the shares of 450 of them vary by 0.03 from seed to seed.
+    limits = settings_of("three-learners").categories
+    presets = [seen_by_random_teams(preset, 150, seed=30) for preset in PRESETS[:3]]
+    for kind in ("ball", "goal", "robot"):
+        areas = np.concatenate([found[kind] for found in presets])
+        small, large = getattr(limits, f"{kind}_small_below_px"), getattr(limits, f"{kind}_large_from_px")
+        assert np.mean(areas < small) == pytest.approx(1.0 / 3.0, abs=0.1)
+        assert np.mean(areas >= large) == pytest.approx(1.0 / 3.0, abs=0.1)

@@ -28,6 +28,10 @@ SIZE_4_CM, SIZE_4_G = (63.5, 66.0), (350, 390)
 IMAGE_PX, VIEW_DEG, TILT_DEG = (64, 60), (67, 60), -26
 VIDEO_HZ = 30  # NTSC, section 3.5.3
 
+# Table 6.1 has small, medium and large but no limits: terciles of the areas in random play, measured for
+# docs/decisions/0004-placements.md. Whether they still are is measured in tests/test_game.py.
+TERCILES_PX = {"ball": (19, 60), "goal": (36, 79), "robot": (24, 66)}
+
 # Table 6.2; h(K, beta) counts steps of contact.
 TABLE_6_2 = {
     "fixed": {"alpha_g": 1.0, "alpha_l": 0.5, "alpha_k": 1e-3, "alpha_c": 5e-3, "alpha_s": 1e-4, "beta": 4000},
@@ -91,6 +95,13 @@ def test_the_camera_and_the_step_are_those_of_section_3_5(preset):
 def test_left_middle_and_right_are_thirds_of_the_image(preset):
     limits = preset.categories
     assert (limits.left_below_px, limits.right_from_px) == pytest.approx((IMAGE_PX[0] / 3, 2 * IMAGE_PX[0] / 3))
+
+
+@pytest.mark.parametrize("kind", TERCILES_PX)
+def test_sizes_are_the_measured_terciles_rounded_to_5_px(preset, kind):
+    limits = preset.categories
+    found = getattr(limits, f"{kind}_small_below_px"), getattr(limits, f"{kind}_large_from_px")
+    assert found == tuple(5 * round(tercile / 5) for tercile in TERCILES_PX[kind])
 
 
 def test_chapter_6_drives_with_power_wheeled_steering(preset):

@@ -255,7 +255,8 @@ class PlainGame:
     def _object_state(self, player: _Robot, model: ObjectModel) -> int:
         sight = self._sight_of(player, model.kind)
         if sight is None or sight.features is None:
-            return model.states - 2 + (sight.side if sight is not None else 0)
+            side = sight.side if sight is not None and model.lost_states > 1 else 0
+            return model.states - model.lost_states + side
         length, width = model.history_length, model.past_mean.size // model.history_length - 2
         inputs = [value for pair in list(player.inputs)[:length] for value in pair]
         outputs = [value for row in list(sight.past)[:length] for value in row[:width]]

@@ -1,4 +1,4 @@
-"""Settings: what goes out comes back, what is wrong is named with its remedy, and presets hold the source's values."""
+"""Settings: what goes out comes back, what is wrong is named with its remedy, and presets have the source's players."""
 
 from __future__ import annotations
 
@@ -66,18 +66,6 @@ def test_any_values_read_back_exactly(seed, name, speed, noise, recipe):
 
 
 # ------------------------------------------------------------------------------------------------ the source's values
-
-
-@pytest.mark.parametrize("preset", PRESETS[:3])
-def test_presets_hold_table_6_3_and_twenty_games(preset, recipe):
-    settings = check(RunSettings, recipe(preset), preset)
-    gp = settings.gp
-    assert (gp.population, gp.generations, gp.tournament, gp.elite) == (80, 60, 10, 1)
-    assert (gp.crossover, gp.reproduction, gp.mutation) == (0.85, 0.05, 0.10)
-    assert (gp.creation_depth_max, gp.crossover_depth_max) == (10, 25)
-    assert settings.evaluation.games == 20
-    assert settings.gp.population * settings.evaluation.games == 1600  # games a generation, section 6.4
-    assert settings.fitness.kind == "fixed"
 
 
 @pytest.mark.parametrize(

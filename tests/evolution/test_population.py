@@ -15,8 +15,10 @@ from coevo.config import GPSettings
 from coevo.evolution.population import breed, codes_of, first_population, individual_of
 from coevo.soccer_game import function_set
 from coevo.tree import Tree, parse, tree_codes
+from coevo.vocabulary import SKILLS
 
 functions = function_set(0, 3)
+TABLE_6_3 = {"crossover": 0.85, "reproduction": 0.05, "mutation": 0.10}
 UNLIKELY = 1e-4  # of a statistic under the closed form; the seeds are fixed, so a test that passes always does
 
 
@@ -187,49 +189,109 @@ def test_mutation_puts_a_grown_tree_in_the_place_of_one_branch(nested):
     assert changed > 150
 
 
-def test_mutants_have_the_share_of_the_settings():
-    """Leaves show who mutated: crossover and reproduction of single nodes give copies.
-
-    A grown tree is the same leaf again if its height is drawn as 0, or a skill is chosen at its root, and it is
-    that skill of four. Of the draws of an operator a crossover makes two children, the others one.
-    """
-    settings = GPSettings(population=6000, elite=0, crossover=0.5, reproduction=0.1, mutation=0.4, mutation_depth_max=3)
-    children = bred([individual("shoot")], settings)
-    changed = sum(names(child) != ("shoot",) for child in children)
-    heights = settings.mutation_depth_max + 1
-    leaf = 1 / heights + (1 - 1 / heights) * 4 / len(functions.names)
-    share = settings.mutation / (2 * settings.crossover + settings.reproduction + settings.mutation) * (1 - leaf / 4)
-    assert stats.binomtest(changed, len(children), share).pvalue > UNLIKELY
-
-
-def test_crossed_children_have_the_share_of_the_settings():
-    """Each parent has a function of its own: a child of two functions is crossed, unless a parent met itself."""
-    parents = [individual(full(3, name)) for name in functions.functions]
-    settings = GPSettings(
-        population=6000,
-        elite=0,
-        tournament=1,
-        crossover=0.6,
-        reproduction=0.4,
-        mutation=0.0,
-        leaf_probability=0.0,
-    )
-    children = bred(parents, settings)
-    mixed = sum(len({name for name in names(child) if name.startswith("IF_")}) == 2 for child in children)
-    crossed = 2 * settings.crossover / (2 * settings.crossover + settings.reproduction)
-    expected = crossed * (1 - 1 / len(parents))
-    assert stats.binomtest(mixed // 2, len(children) // 2, expected).pvalue > UNLIKELY  # children come in pairs
-
-
 @pytest.mark.parametrize("leaf_probability", [0.0, 0.3, 1.0])
 def test_crossover_points_are_leaves_as_often_as_the_settings_say(leaf_probability):
-    """In trees of own functions, a child has a function of the other if and only if the other gave no leaf."""
+    assert_points_are_leaves(only("crossover", population=6000, tournament=1, leaf_probability=leaf_probability))
+
+
+def test_crossover_points_are_leaves_once_in_ten_if_nothing_is_said():
+    """As Koza (1992) has it, and DEAP's manual of this crossover."""
+    settings = only("crossover", population=6000, tournament=1)
+    assert_points_are_leaves(settings, leaf_probability=0.1)
+
+
+def assert_points_are_leaves(settings, leaf_probability=None):
+    """Check how often each parent's point is a leaf, and that the two do not depend on each other.
+
+    The parents share no node, neither functions nor leaves: a child's root says who it is, and what is missing and
+    what came in say which points were chosen. Half of the pairs are a parent and itself, and say nothing.
+    """
+    p = settings.leaf_probability if leaf_probability is None else leaf_probability
+    parents = [individual(full(3, "IF_ball_is_left")), individual(full(3, "IF_ball_is_lost").replace("shoot", "pass"))]
+    own = [set(names(parent)) for parent in parents]
+    points = Counter()
+    for child in bred(parents, settings):
+        found = names(child)
+        mine = own[0] if found[0] in own[0] else own[1]
+        kept, came = sum(name in mine for name in found), sum(name not in mine for name in found)
+        if came:
+            points[kept == len(parents[0]) - 1, came == 1] += 1
+    shares = {True: p, False: 1.0 - p}
+    expected = {(a, b): shares[a] * shares[b] for a in (True, False) for b in (True, False)}
+    assert sum(points.values()) > 2500
+    assert all(points[which] == 0 for which, share in expected.items() if share == 0.0)
+    possible = [which for which, share in expected.items() if share > 0.0]
+    if len(possible) > 1:
+        observed = [points[which] for which in possible]
+        assert stats.chisquare(observed, [sum(observed) * expected[which] for which in possible]).pvalue > UNLIKELY
+
+
+@pytest.mark.parametrize("limit", [0, 1, 3, 5, 8])
+def test_grown_subtrees_reach_the_limit_of_mutation_as_often_as_the_closed_form_says(limit):
+    assert_depths_of_grown_trees(only("mutation", population=6000, mutation_depth_max=limit), limit)
+
+
+def test_grown_subtrees_of_the_default_are_five_deep_at_most():
+    """So that a mutation at the limit of crossover, 25, gives the depth of 30 that Table 6.4 prints."""
+    assert_depths_of_grown_trees(only("mutation", population=6000), 5)
+
+
+def assert_depths_of_grown_trees(settings, limit):
+    """Check the depths of mutants of a leaf, which are nothing but the grown tree.
+
+    A height is drawn from 0 to the limit. Above it a node is a leaf with the share t of leaves among all names, so a
+    branch has the depth h with q(h) = (1 - t) (1 - (1 - q(h - 1))^2), q(0) = 1.
+    """
+    children = bred([individual("shoot")], settings)
+    depths = np.bincount([Tree(names(child)).depth for child in children], minlength=limit + 1)
+    assert len(depths) == limit + 1  # never beyond
+    leaf = len(SKILLS) / len(functions.names)
+    at_least = np.zeros((limit + 1, limit + 2))  # [height, depth]: chance of that depth or more
+    at_least[:, 0] = 1.0
+    for height in range(1, limit + 1):
+        for depth in range(1, height + 1):
+            at_least[height, depth] = (1.0 - leaf) * (1.0 - (1.0 - at_least[height - 1, depth - 1]) ** 2)
+    expected = (at_least[:, :-1] - at_least[:, 1:]).mean(axis=0)
+    assert expected.sum() == pytest.approx(1.0)
+    assert depths[limit] > 0
+    if limit:
+        assert stats.chisquare(depths, expected * len(children)).pvalue > UNLIKELY
+
+
+@pytest.mark.parametrize(
+    "shares",
+    [
+        pytest.param({}, id="Table 6.3"),
+        {"crossover": 0.5, "reproduction": 0.1, "mutation": 0.4},
+        {"crossover": 0.3, "reproduction": 0.7, "mutation": 0.0},
+    ],
+)
+def test_copies_mutants_and_crossed_children_have_the_shares_of_the_settings(shares):
+    """Of Table 6.3 (85, 5 and 10 %) if nothing is said; of all draws of an operator, a crossover makes two children.
+
+    Each parent has a function of its own, on 7 nodes, and the same leaf everywhere, on 8. Exact copies are the
+    reproduced, the crossed with themselves if both points are branches of one depth (2 and 4 of 6 are), and the mutants
+    of a leaf into itself. Another leaf comes by mutation only.
+    """
+    settings = GPSettings(population=8000, elite=0, tournament=1, leaf_probability=0.0, **shares)
+    crossover, reproduction, mutation = (shares or TABLE_6_3).values()
     parents = [individual(full(3, name)) for name in functions.functions]
-    settings = only("crossover", population=4000, tournament=1, leaf_probability=leaf_probability)
-    children = bred(parents, settings)
-    given_function = sum(len({name for name in names(child) if name.startswith("IF_")}) == 2 for child in children)
-    expected = (1 - leaf_probability) * (1 - 1 / len(parents))
-    assert stats.binomtest(given_function, len(children), expected).pvalue > UNLIKELY
+    originals = {names(parent) for parent in parents}
+    counted = Counter()
+    for child in bred(parents, settings):
+        found = names(child)
+        counted["copy"] += found in originals
+        counted["other leaf"] += not {"pass", "avoid", "search"}.isdisjoint(found)
+    draws, itself = 2.0 * crossover + reproduction + mutation, 1.0 / len(parents)
+    heights = settings.mutation_depth_max + 1
+    leaf = len(SKILLS) / len(functions.names)
+    grown_leaf = (1.0 / heights + (1.0 - 1.0 / heights) * leaf) / len(SKILLS)  # a certain one
+    only_this = [1.0 / len(SKILLS)]  # a tree grown to a height has no leaf but a certain one
+    for _ in range(1, heights):
+        only_this.append(leaf / len(SKILLS) + (1.0 - leaf) * only_this[-1] ** 2)
+    copies = reproduction + 2.0 * crossover * itself * ((2 / 6) ** 2 + (4 / 6) ** 2) + mutation * 8 / 15 * grown_leaf
+    assert stats.binomtest(counted["copy"], 8000, copies / draws).pvalue > UNLIKELY
+    assert stats.binomtest(counted["other leaf"], 8000, mutation * (1.0 - np.mean(only_this)) / draws).pvalue > UNLIKELY
 
 
 # ------------------------------------------------------------------------------------------------ random streams

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.compiled import borrowed, entry, inlined, is_compiled
-from coevo.config import CategorySettings, GameSettings, PlayerSettings, RunSettings
+from coevo.config import GameSettings, PlayerSettings, RunSettings
 from coevo.errors import InputError
 from coevo.skill import SkillBank, check_world, load_skill, make_bank
 from coevo.skill.estimate import Memory, discrete_state, forget, make_memory, perturb, remember
-from coevo.soccer.camera import BALL, ROBOTS, CameraParams, Retina, camera_params, look, make_retina
-from coevo.soccer.conditions import condition_table
+from coevo.soccer.camera import FEATURES, ROBOTS, CameraParams, Retina, camera_params, look, make_retina
+from coevo.soccer.conditions import AREA, ConditionTable, condition_table
 from coevo.soccer.drive import action_set
 from coevo.soccer.events import (
     EventParams,
@@ -34,8 +34,6 @@ from coevo.tree import Program
 
 __all__ = ["Arena", "Outcome", "StartsDoNotFitError", "Trace", "load_bank", "warm_up"]
 
-_FIRST_SKILL = 255
-
 
 class StartsDoNotFitError(InputError):
     """The bodies do not fit into the regions where they start."""
@@ -45,10 +43,7 @@ class _Rules(NamedTuple):
     """What else the kernel needs to know of the games."""
 
     time_limit: int
-    left_below: float
-    right_from: float
-    small_below: NDArray[np.float64]
-    large_from: NDArray[np.float64]
+    conditions: ConditionTable
     teams: NDArray[np.int64]
     evolves: NDArray[np.bool_]
     codes: NDArray[np.float64]
@@ -58,7 +53,7 @@ class _Rules(NamedTuple):
 class _Programs(NamedTuple):
     """The programs of all robots, one after the other."""
 
-    codes: NDArray[np.uint8]
+    codes: NDArray[np.int16]
     second: NDArray[np.int32]
     start: NDArray[np.int64]
 
@@ -106,6 +101,7 @@ class Outcome:
     kicks: (games, robots) int64, steps in which the robot touched the ball.
     collisions: (games, robots) int64, times it ran into another robot or was run into.
     passes: (games, robots) int64, times a team mate touched the ball soon after it.
+    own_goals: (games, robots) int64, goals against its own team of which it was the last to touch the ball.
     skill_steps: (robots, skills) int64, steps in which each skill was chosen, in the order of the terminals.
     leaf_steps: per robot (nodes,) int64, steps that ended at each leaf of its tree.
     """
@@ -115,6 +111,7 @@ class Outcome:
     kicks: NDArray[np.int64]
     collisions: NDArray[np.int64]
     passes: NDArray[np.int64]
+    own_goals: NDArray[np.int64]
     skill_steps: NDArray[np.int64]
     leaf_steps: tuple[NDArray[np.int64], ...]
 
@@ -138,26 +135,29 @@ class Trace:
 
 
 @inlined
-def _categories(rules: _Rules, objects: int, features: NDArray[np.float64], areas: NDArray[np.float64]) -> np.uint64:
-    """Return the word of all predicates "a is b" of Table 6.1, seven bits an object."""
-    word = np.uint64(0)
-    for o in range(objects):
-        if areas[o] <= 0.0:
-            word |= np.uint64(64) << np.uint64(7 * o)
-            continue
-        bits = np.uint64(2)
-        if features[o, 0] < rules.left_below:
-            bits = np.uint64(1)
-        elif features[o, 0] >= rules.right_from:
-            bits = np.uint64(4)
-        if areas[o] < rules.small_below[o]:
-            bits |= np.uint64(8)
-        elif areas[o] >= rules.large_from[o]:
-            bits |= np.uint64(32)
+def _holds(
+    table: ConditionTable, robot: int, function: int, features: NDArray[np.float64], areas: NDArray[np.float64]
+) -> bool:
+    """Tell whether a condition holds for what a robot sees: (objects, 11) features and (objects,) areas."""
+    thing = table.thing[robot, function]
+    if areas[thing] <= 0.0:
+        return bool(table.wants[robot, function] == 0)
+    if table.wants[robot, function] == 0:
+        return False
+    first = table.first[robot, function]
+    for k in range(first, first + table.terms[robot, function]):
+        feature = table.feature[k]
+        if feature == AREA:
+            value = areas[thing]
+        elif feature >= 0:
+            value = features[thing, feature]
         else:
-            bits |= np.uint64(16)
-        word |= bits << np.uint64(7 * o)
-    return word
+            value = 0.0
+            for j in range(FEATURES):
+                value += table.weights[k, j] * features[thing, j]
+        if not table.low[k] <= value < table.high[k]:
+            return False
+    return True
 
 
 @entry
@@ -180,6 +180,7 @@ def _play(
     kicks: NDArray[np.int64],
     collisions: NDArray[np.int64],
     passes: NDArray[np.int64],
+    own_goals: NDArray[np.int64],
     skill_steps: NDArray[np.int64],
     leaf_steps: NDArray[np.int64],
     trace_states: NDArray[np.float64],
@@ -225,17 +226,16 @@ def _play(
                 if camera.noise > 0.0:
                     perturb(camera, objects, features, areas, rng)
                 remember(memory, bank, r, t, standing if action[r] < 0 else rules.codes[action[r]], middle)
-                word = _categories(rules, objects, features, areas)
                 node = programs.start[r]
                 code = programs.codes[node]
-                while code < _FIRST_SKILL - 3:
-                    if (word >> np.uint64(code)) & np.uint64(1):
+                while code >= 0:
+                    if _holds(rules.conditions, r, code, features, areas):
                         node += 1
                     else:
                         node = programs.start[r] + programs.second[node]
                     code = programs.codes[node]
                 leaf_steps[node] += 1
-                chosen = _FIRST_SKILL - code
+                chosen = -1 - code
                 skill_steps[r, chosen] += 1
                 fresh = chosen != skill[r] or held[r] >= bank.max_steps[chosen]
                 if fresh or held[r] >= bank.min_steps[chosen]:
@@ -259,6 +259,9 @@ def _play(
             if winner >= 0:
                 break
         steps[game], scorer[game] = t, winner
+        last = events.last_touch[0]
+        if winner >= 0 and last >= 0 and rules.teams[last] != winner:
+            own_goals[game, last] = 1
         for r in range(robots):
             kicks[game, r], collisions[game, r], passes[game, r] = (
                 events.kicks[r],
@@ -284,8 +287,8 @@ class Arena:
         self.world = World(world, robots)
         self._physics = physics_params(world)
         self._camera = camera_params(world)
-        condition_table(robots, settings.categories, settings.conditions)  # the kernel is to take it; now it is checked
-        self._rules = _make_rules(settings.game, settings.categories, players, actions.codes, actions.commands)
+        conditions = condition_table(robots, settings.categories, settings.conditions)
+        self._rules = _make_rules(settings.game, conditions, players, actions.codes, actions.commands)
         self._event_rules = event_params(world)
         self._regions = regions([player.start for player in players], settings.game.ball_start)
         self._memory = make_memory(self.bank, _mates(players))
@@ -328,7 +331,7 @@ class Arena:
         chosen = [program or empty for program in programs]
         start = np.cumsum([0, *(len(program.codes) for program in chosen)])
         joined = _Programs(
-            _old_codes(np.concatenate([program.codes for program in chosen])),
+            np.concatenate([program.codes for program in chosen]),
             np.concatenate([program.second for program in chosen]),
             start.astype(np.int64),
         )
@@ -338,6 +341,7 @@ class Arena:
             kicks=np.zeros((games, robots), np.int64),
             collisions=np.zeros((games, robots), np.int64),
             passes=np.zeros((games, robots), np.int64),
+            own_goals=np.zeros((games, robots), np.int64),
             skill_steps=np.zeros((robots, len(self.settings.terminals)), np.int64),
             leaf_steps=(),
         )
@@ -361,6 +365,7 @@ class Arena:
             outcome.kicks,
             outcome.collisions,
             outcome.passes,
+            outcome.own_goals,
             outcome.skill_steps,
             leaf_steps,
             trace_states,
@@ -391,13 +396,6 @@ def load_bank(settings: RunSettings) -> SkillBank:
     return bank
 
 
-def _old_codes(codes: NDArray[np.int16]) -> NDArray[np.uint8]:
-    """Return codes as this kernel reads them: until it takes any number of skills and conditions."""
-    if codes.min(initial=0) < -4:
-        raise InputError("games do not yet take more than four skills")
-    return np.where(codes < 0, codes + 256, codes).astype(np.uint8)
-
-
 def warm_up(settings: RunSettings, tell: Callable[[str], None]) -> None:
     """Load the machine code of games, or compile it, before workers need it.
 
@@ -425,22 +423,14 @@ def _mates(players: Sequence[PlayerSettings]) -> list[int]:
 
 def _make_rules(
     game: GameSettings,
-    categories: CategorySettings,
+    conditions: ConditionTable,
     players: Sequence[PlayerSettings],
     codes: NDArray[np.float64],
     commands: NDArray[np.float64],
 ) -> _Rules:
-    objects = ROBOTS + len(players) - 1
-    small = np.full(objects, categories.robot_small_below_px)
-    large = np.full(objects, categories.robot_large_from_px)
-    small[:ROBOTS], large[:ROBOTS] = categories.goal_small_below_px, categories.goal_large_from_px
-    small[BALL], large[BALL] = categories.ball_small_below_px, categories.ball_large_from_px
     return _Rules(
         time_limit=game.time_limit_steps,
-        left_below=categories.left_below_px,
-        right_from=categories.right_from_px,
-        small_below=small,
-        large_from=large,
+        conditions=conditions,
         teams=np.array([player.team for player in players], np.int64),
         evolves=np.array([player.control == "evolve" for player in players]),
         codes=codes,

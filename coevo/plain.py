@@ -165,6 +165,7 @@ class PlainGame:
             kicks=referee.kicks[None],
             collisions=referee.collisions[None],
             passes=referee.passes[None],
+            own_goals=referee.own_goals[None],
             skill_steps=skill_steps,
             leaf_steps=(),
         )
@@ -308,7 +309,7 @@ class _Referee:
     def __init__(self, settings: RunSettings, teams: NDArray[np.int64]) -> None:
         self._settings, self._teams = settings, teams
         robots = len(teams)
-        self.kicks, self.collisions, self.passes = (np.zeros(robots, np.int64) for _ in range(3))
+        self.kicks, self.collisions, self.passes, self.own_goals = (np.zeros(robots, np.int64) for _ in range(4))
         self._touching: set[tuple[int, int]] = set()
         self._had_ball: set[int] = set()
         self._last, self._at = -1, 0
@@ -340,7 +341,10 @@ class _Referee:
             elif gap[two, one] > settings.world.rules.collision_release_m:
                 self._touching.discard((one, two))
         x = world.ball.position.x
-        return 0 if x > settings.world.field.length_m else 1 if x < 0.0 else -1
+        scorer = 0 if x > settings.world.field.length_m else 1 if x < 0.0 else -1
+        if self._last >= 0 and self._teams[self._last] == 1 - scorer:
+            self.own_goals[self._last] += 1
+        return scorer
 
     def _gaps(self, world: World) -> dict[tuple[int, int], float]:
         bodies = [(body.position, self._settings.world.robot.radius_m) for body in world.robots]

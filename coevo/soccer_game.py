@@ -78,6 +78,6 @@ class SoccerGame:
             "collisions": outcome.collisions,
             "steps": np.repeat(outcome.steps[:, None], len(self.roles), axis=1),
             "passes": outcome.passes,
-            "own_goals": np.zeros_like(outcome.kicks),  # the kernel is to count them
+            "own_goals": outcome.own_goals,
         }
         return Played(counts, outcome.scorer, outcome.leaf_steps)

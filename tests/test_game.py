@@ -122,7 +122,7 @@ def play_both(settings, trees, seeds):
         two, expected = plain.play(team, seed)
         equal = [
             np.array_equal(getattr(one, name), getattr(two, name))
-            for name in ("steps", "scorer", "kicks", "collisions", "passes", "skill_steps")
+            for name in ("steps", "scorer", "kicks", "collisions", "passes", "own_goals", "skill_steps")
         ]
         equal += [
             seen.states.tobytes() == expected.states.tobytes(),
@@ -243,7 +243,7 @@ def test_a_game_is_the_same_whatever_else_is_in_the_call():
     assert len(np.unique(together.kicks, axis=0)) > 3
     order = np.random.default_rng(2).permutation(12)
     turned = arena.play(team, seeds[order])
-    for name in ("steps", "scorer", "kicks", "collisions", "passes"):
+    for name in ("steps", "scorer", "kicks", "collisions", "passes", "own_goals"):
         assert np.array_equal(getattr(turned, name), getattr(together, name)[order]), name
         alone = np.concatenate([getattr(arena.play(team, seeds[n : n + 1]), name) for n in range(12)])
         assert np.array_equal(alone, getattr(together, name)), name

@@ -13,19 +13,19 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from behaviors.alone.experience import make_models
-from behaviors.alone.scene import blank_skill, make_scene, no_start, provisional_skill
-from behaviors.alone.task import COLLISION, SUCCESS
-from behaviors.alone.trials import INFORMED, LEARNED, RANDOM, run_trials
 from behaviors.checkpoint import Standing, read_checkpoint, write_checkpoint
 from behaviors.coordination.relearning import coordinate
+from behaviors.experience import make_models
 from behaviors.recipe import Recipe, plain_recipe, recipe_digest
-from behaviors.tabular.decisions import make_decisions, most_decisions
+from behaviors.tabular.decisions import most_decisions
 from behaviors.tabular.qlearning import make_learner
-from behaviors.tabular.table import all_states, make_table, with_room
+from behaviors.tabular.table import all_states, make_table
+from behaviors.trials.solo import blank_skill, no_start, provisional_skill, solo_scene
+from behaviors.trials.task import COLLISION, SUCCESS
 from coevo.errors import InputError
 from coevo.skill import Skill, load_skill
 from coevo.soccer.rng import game_seed
+from coevo.stage import INFORMED, LEARNER, SKILL
 
 __all__ = ["Learning", "Measured", "evaluate", "learn", "wilson_interval"]
 
@@ -98,8 +98,9 @@ class Learning:
             empty = make_table(*self._blank.values.shape, sparse=self._sparse)
             standing = Standing(self._blank.objects, empty if self._start is None else self._start.table())
         self._at = standing
-        self._scene, self._learner = make_scene(recipe, self._blank), make_learner(recipe.learning)
-        self._decisions = make_decisions(recipe.time_limit_steps)
+        learner = make_learner(recipe.learning)
+        self._scene = solo_scene(recipe, self._blank, LEARNER, learner=learner, table=standing.table)
+        standing.table = self._scene.minds[0].table
         self._play(0)  # compiles what is not compiled yet
 
     @classmethod
@@ -171,15 +172,13 @@ class Learning:
 
     def _play(self, count: int) -> NDArray[np.int64]:
         """Learn from the next trials and return their outcomes."""
-        recipe, at = self._recipe, self._at
-        at.table = with_room(at.table, count * most_decisions(recipe.time_limit_steps, recipe.action.min_steps))
-        seeds = _seeds(self._seed, _LEARNING, at.done, count)
-        outcomes, steps = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        schedule = at.done, self._trials
-        ready = self._scene, self._learner, True, LEARNED, *schedule, seeds, at.table, self._decisions, outcomes, steps
-        if not run_trials(*ready):
+        recipe, at, scene = self._recipe, self._at, self._scene
+        scene.grow(0, count * most_decisions(recipe.time_limit_steps, recipe.action.min_steps))
+        at.table = scene.minds[0].table
+        found = scene.run(_seeds(self._seed, _LEARNING, at.done, count), first=at.done, total=self._trials)
+        if found is None:
             raise no_start(recipe)
-        return outcomes
+        return found.ends
 
     def _check(self) -> float:
         """Return the mean reward of the greedy policy, half from starts in view, half from anywhere.
@@ -271,13 +270,16 @@ def _run(
     recipe: Recipe, skill: Skill | Yardstick, games: int, seed: int, stream: int, epsilon: float = 0.0
 ) -> Measured:
     """Run ``games`` trials of the recipe without learning."""
-    scene = make_scene(recipe, skill if isinstance(skill, Skill) else provisional_skill(recipe))
-    policy = LEARNED if isinstance(skill, Skill) else RANDOM if skill == "random" else INFORMED
-    seeds = _seeds(seed, stream, 0, games)
-    outcomes, steps = np.zeros(games, np.int64), np.zeros(games, np.int64)
+    known = isinstance(skill, Skill)
     learner = make_learner(recipe.learning)._replace(epsilon_start=epsilon, epsilon_end=epsilon)
-    unused = make_table(1, len(scene.codes))
-    decisions = make_decisions(recipe.time_limit_steps)
-    if not run_trials(scene, learner, False, policy, 0, games, seeds, unused, decisions, outcomes, steps):
+    scene = solo_scene(
+        recipe,
+        skill if isinstance(skill, Skill) else provisional_skill(recipe),
+        INFORMED if skill == "informed" else SKILL,
+        learner=learner,
+        at_random=not known,
+    )
+    found = scene.run(_seeds(seed, stream, 0, games), total=games)
+    if found is None:
         raise no_start(recipe)
-    return Measured(outcomes, steps, _success(recipe, outcomes))
+    return Measured(found.ends, found.steps, _success(recipe, found.ends))

@@ -20,7 +20,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.compiled import entry, inlined
+from coevo.compiled import entry, helper, inlined
 from coevo.soccer.bits import ones, sum_of_places, zeros_above, zeros_below
 from coevo.soccer.optics import CameraParams, Retina, camera_params, make_retina, whole_blocks
 from coevo.soccer.silhouette import ball_words, goal_words, robot_words

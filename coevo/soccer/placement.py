@@ -43,7 +43,7 @@ def place(
     """
     bodies = state.shape[0]
     ball = bodies - 1
-    state[:] = 0.0
+    state.fill(0.0)
     for k in range(bodies):
         body = ball if k == 0 else k - 1
         radius = physics.ball_radius if body == ball else physics.robot_radius

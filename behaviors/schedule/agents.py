@@ -10,11 +10,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.alone.scene import blind_models
-from behaviors.alone.task import COLLISION, SUCCESS
+from behaviors.trials.solo import blind_models
+from behaviors.trials.task import COLLISION, SUCCESS
 from behaviors.lpm import LocalPredictionModel
-from behaviors.pair.data import FIXED, LEARNING, STATIONARY, Store, make_store
-from behaviors.pair.recipe import LearnerSettings, Schedule
+from behaviors.schedule.data import FIXED, LEARNING, STATIONARY, Store, make_store
+from behaviors.schedule.recipe import LearnerSettings, Schedule
 from coevo.errors import InputError
 from coevo.skill import ObjectModel, Skill
 from coevo.skill.model import MOST_STATES

@@ -10,11 +10,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.alone.experience import Stretch, align, in_view, make_model, window_count
+from behaviors.experience import Stretch, align, in_view, make_model, window_count
 from behaviors.lpm import LocalPredictionModel, PersistentExcitationWarning, identify
-from behaviors.pair.agents import Agent
-from behaviors.pair.data import Store
-from behaviors.pair.recipe import Schedule
+from behaviors.schedule.agents import Agent
+from behaviors.schedule.data import Store
+from behaviors.schedule.recipe import Schedule
 from behaviors.recipe import ExperienceSettings, ModelSettings
 from coevo.skill import ObjectModel
 from coevo.skill.model import OBJECT_KINDS

@@ -2,7 +2,7 @@
 
 What they see is painted and found by its colour (coevo.soccer.vision), is a few steps old when it arrives, and comes
 from a camera and a field that are not those of the simulation. The loop is Python's; choosing, moving and learning are
-those of ``behaviors.pair.trial``.
+those of ``behaviors.schedule.trial``.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.alone.task import GOING
-from behaviors.pair.agents import Agent, Duty, Outcomes, joined, no_outcomes
-from behaviors.pair.data import LEARNING, Pair
-from behaviors.pair.models import renew_models
-from behaviors.pair.recipe import Schedule, TransferSettings, transfer_world
-from behaviors.pair.schedule import ELSEWHERE, Report, Schooling
-from behaviors.pair.trial import act, begin_trial, end_trial, take_in
+from behaviors.trials.task import GOING
+from behaviors.schedule.agents import Agent, Duty, Outcomes, joined, no_outcomes
+from behaviors.schedule.data import LEARNING, Pair
+from behaviors.schedule.models import renew_models
+from behaviors.schedule.recipe import Schedule, TransferSettings, transfer_world
+from behaviors.schedule.schedule import ELSEWHERE, Report, Schooling
+from behaviors.schedule.trial import act, begin_trial, end_trial, take_in
 from behaviors.tabular.qlearning import Learner
 from coevo.config import WorldSettings
 from coevo.errors import InputError

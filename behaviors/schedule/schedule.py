@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from behaviors.pair.agents import NAMES, Agent, Duty, Outcomes, Period, joined, new_agents, no_outcomes
-from behaviors.pair.data import FIXED, LEARNING, PASSER, RANDOM, SHOOTER, Pair, Player, Rules, make_stage
-from behaviors.pair.models import renew_models, stored_windows
-from behaviors.pair.recipe import Schedule
-from behaviors.pair.trial import run_pair
+from behaviors.schedule.agents import NAMES, Agent, Duty, Outcomes, Period, joined, new_agents, no_outcomes
+from behaviors.schedule.data import FIXED, LEARNING, PASSER, RANDOM, SHOOTER, Pair, Player, Rules, make_stage
+from behaviors.schedule.models import renew_models, stored_windows
+from behaviors.schedule.recipe import Schedule
+from behaviors.schedule.trial import run_pair
 from behaviors.tabular.decisions import make_decisions, most_decisions
 from behaviors.tabular.qlearning import Learner, make_learner
 from behaviors.tabular.table import Table, all_states, make_table, with_room

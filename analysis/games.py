@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.config import RunSettings
-from coevo.game import Arena, Outcome
+from coevo.game import Arena, Outcome, SoccerGame
 from coevo.seeds import RunStream, game_seeds
-from coevo.soccer_game import SoccerGame
 from coevo.tree import Program, Tree, compile_program, tree_codes
 
 __all__ = ["play", "programs_of", "unseen_seeds"]

@@ -1,119 +1,77 @@
 """A learning that was stopped, as a file: where it stands, and which learning it is.
 
-Randomness is derived from the seed and a trial's number, so models, table and the number of trials are all there is
-to a learning. Going on gives what an undisturbed learning gives, to the last bit; therefore a checkpoint of other
-settings, another version of the code or another kind of processor is refused.
+Randomness is derived from the seed and a trial's number, so models, tables, what is stored and the number of trials
+are all there is to a learning. Going on gives what an undisturbed learning gives, to the last bit; therefore a
+checkpoint of other settings, another version of the code or another kind of processor is refused.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.tabular.table import Table
 from coevo.compiled import cache_folder
 from coevo.errors import InputError
 from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, write_whole
-from coevo.skill import ObjectModel
-from coevo.skill.model import pack_models, unpack_models
 
-__all__ = ["Standing", "read_checkpoint", "trials_done", "write_checkpoint"]
+__all__ = ["parts_of", "read_checkpoint", "trials_done", "with_prefix", "write_checkpoint"]
 
-_FORMAT = 1
+_FORMAT = 2
 _REMEDY = "begin anew with --restart, which throws it away"
 
 
-@dataclass
-class Standing:
-    """Where a learning stands.
-
-    Attributes:
-        models: how the state of each object is estimated.
-        table: the values.
-        done: how many trials have been run.
-        best: (rows in use then, actions) values that did best in the checks, None before the first.
-        best_score: what they scored.
-        kept_after: how many trials had been run then.
-    """
-
-    models: tuple[ObjectModel, ...]
-    table: Table
-    done: int = 0
-    best: NDArray[np.float64] | None = None
-    best_score: float = -np.inf
-    kept_after: int = 0
-
-
-def write_checkpoint(path: Path, standing: Standing, learning: Mapping[str, Any]) -> None:
+def write_checkpoint(
+    path: Path, learning: Mapping[str, Any], header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
+) -> None:
     """Write where a learning stands, whole or not at all.
 
     Args:
         path: an npz file.
-        standing: what to keep.
         learning: what decides the result, plain data: another learning may not go on with it.
+        header: where it stands, plain data.
+        arrays: the rest of it.
 
     Raises:
         OSError: it cannot be written.
     """
-    table, used = standing.table, int(standing.table.used[0])
-    objects, models = pack_models(standing.models)
-    states = np.flatnonzero(table.rows >= 0)
-    header = {
-        "learning": learning,
-        "objects": objects,
-        "states": len(table.rows),
-        "done": standing.done,
-        "kept_after": standing.kept_after,
-    }
-    arrays: dict[str, NDArray[Any]] = {
+    whole: dict[str, NDArray[Any]] = {
         "format": np.array([_FORMAT]),
         "code": _text(cache_folder().name),
-        "header": _text(json.dumps(header)),
-        "values": table.values[:used],
-        "visits": table.visits[:used],
-        "fixed": table.fixed[:used],
-        "state_of_row": states[np.argsort(table.rows[states])],
-        "best_score": np.array([standing.best_score]),
-        **models,
+        "header": _text(json.dumps({"learning": learning, "at": header})),
+        **arrays,
     }
-    if standing.best is not None:
-        arrays["best"] = standing.best
-    arrays["digest"] = digest_of(arrays)
-    write_whole(path, pack_arrays(arrays))
+    whole["digest"] = digest_of(whole)
+    write_whole(path, pack_arrays(whole))
 
 
-def read_checkpoint(path: Path, learning: Mapping[str, Any]) -> Standing:
-    """Read where this very learning stands.
+def read_checkpoint(
+    path: Path, learning: Mapping[str, Any], *, remedy: str = _REMEDY
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return header and arrays of where this very learning stands.
+
+    Args:
+        path: the file.
+        learning: what decides the result.
+        remedy: what a user can do about a file that does not serve.
 
     Raises:
         InputError: the file is damaged, or is of another learning; it stays as it is.
     """
-    arrays, header = _read(path)
+    arrays, header = _read(path, remedy)
     difference = _difference(header["learning"], json.loads(json.dumps(learning)))  # as JSON gives it back
     if difference is not None:
-        raise InputError(f"{path} is of another learning: {difference}; go on as it was begun, or {_REMEDY}")
+        raise InputError(f"{path} is of another learning: {difference}; go on as it was begun, or {remedy}")
     if not np.array_equal(arrays["code"], _text(cache_folder().name)):
         raise InputError(
             f"{path} was written by another version of coevo or its libraries, or on another kind of processor, and"
-            f" would not give the same skill; {_REMEDY}"
+            f" would not give the same skill; {remedy}"
         )
-    used = np.array([len(arrays["values"])])
-    rows = np.full(header["states"], -1, np.int32)
-    rows[arrays["state_of_row"]] = np.arange(used[0])
-    return Standing(
-        unpack_models(header["objects"], arrays),
-        Table(arrays["values"], arrays["visits"], arrays["fixed"], rows, used),
-        header["done"],
-        arrays.get("best"),
-        float(arrays["best_score"][0]),
-        header["kept_after"],
-    )
+    return header["at"], arrays
 
 
 def trials_done(path: Path) -> str:
@@ -123,25 +81,34 @@ def trials_done(path: Path) -> str:
         InputError: the file is damaged.
     """
     _, header = _read(path)
-    return f"{header['done']} of {header['learning']['trials']} trials"
+    return f"{header['at']['done']} of {header['learning']['trials']} trials"
 
 
-def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def with_prefix(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return arrays under names that begin with a prefix."""
+    return {f"{prefix}.{name}": array for name, array in arrays.items()}
+
+
+def parts_of(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return the arrays whose names begin with a prefix, without it."""
+    start = f"{prefix}."
+    return {name.removeprefix(start): array for name, array in arrays.items() if name.startswith(start)}
+
+
+def _read(path: Path, remedy: str = _REMEDY) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     try:
         arrays = read_arrays(path)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     except DamagedFileError as error:
-        raise InputError(f"{path} is no checkpoint of a learning or is damaged ({error}); {_REMEDY}") from None
+        raise InputError(f"{path} is no checkpoint of a learning or is damaged ({error}); {remedy}") from None
     digest = arrays.pop("digest", None)
     if digest is None or "header" not in arrays or not np.array_equal(digest, digest_of(arrays)):
         raise InputError(
-            f"{path} is no checkpoint of a learning or is damaged: its contents do not match its digest; {_REMEDY}"
+            f"{path} is no checkpoint of a learning or is damaged: its contents do not match its digest; {remedy}"
         )
     if int(arrays["format"][0]) != _FORMAT:
-        raise InputError(
-            f"{path} has format {int(arrays['format'][0])}, this version reads format {_FORMAT}; {_REMEDY}"
-        )
+        raise InputError(f"{path} has format {int(arrays['format'][0])}, this version reads format {_FORMAT}; {remedy}")
     header: dict[str, Any] = json.loads(bytes(arrays["header"]))
     return arrays, header
 

@@ -13,34 +13,35 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from behaviors.alone.experience import make_models
-from behaviors.alone.scene import blank_skill, make_scene, no_start, provisional_skill
-from behaviors.alone.task import COLLISION, SUCCESS
-from behaviors.alone.trials import INFORMED, LEARNED, RANDOM, run_trials
-from behaviors.checkpoint import Standing, read_checkpoint, write_checkpoint
+from behaviors.checkpoint import read_checkpoint, write_checkpoint
 from behaviors.coordination.relearning import coordinate
+from behaviors.experience import make_models
+from behaviors.practice import Practice, Standing
 from behaviors.recipe import Recipe, plain_recipe, recipe_digest
-from behaviors.tabular.decisions import make_decisions, most_decisions
 from behaviors.tabular.qlearning import make_learner
-from behaviors.tabular.table import all_states, make_table, with_room
+from behaviors.tabular.table import make_table
+from behaviors.trials.kernels import Results
+from behaviors.trials.solo import blank_skill, no_start, provisional_skill, solo_scene
+from behaviors.trials.task import COLLISION, SUCCESS
 from coevo.errors import InputError
 from coevo.seeds import SkillStream, game_seeds
-from coevo.skill import Skill, load_skill
+from coevo.skill import ObjectModel, Skill, load_skill
+from coevo.skill.model import pack_models, unpack_models
+from coevo.stage import INFORMED, LEARNER, SKILL
 
 __all__ = ["Learning", "Measured", "evaluate", "learn"]
-
-_BLOCK = 250  # trials between two reports of progress
 
 # What a skill is measured beside.
 Yardstick = Literal["random", "informed"]
 Report = Callable[[int, int, float], None]
+Models = tuple[ObjectModel, ...]
 
 
 @dataclass(frozen=True)
 class Measured:
     """Outcome of many trials of one policy.
 
-    outcomes, steps: (trials,) int64; see behaviors.alone.task for the outcomes.
+    outcomes, steps: (trials,) int64; see behaviors.trials.task for the outcomes.
     success: (trials,) bool; for the task avoid, that no collision happened.
     """
 
@@ -65,31 +66,42 @@ class Learning:
     The table kept is the one whose greedy policy did best in the checks (see ``LearningSettings``).
     """
 
-    def __init__(self, recipe: Recipe, *, seed: int, trials: int, standing: Standing | None = None) -> None:
+    def __init__(
+        self, recipe: Recipe, *, seed: int, trials: int, standing: tuple[Models, Standing] | None = None
+    ) -> None:
         """Begin to learn, or go on from where a learning stands.
 
         Args:
             recipe: what to learn and how.
             seed, trials: instead of those of the recipe.
-            standing: of a learning of the same recipe, seed and trials.
+            standing: models and standing of a learning of the same recipe, seed and trials.
 
         Raises:
             InputError: the recipe leaves nothing to learn from, or its skills do not fit it or each other.
         """
         self._recipe, self._seed, self._trials = recipe, seed, trials
-        self._sparse = recipe.learning.storage == "sparse"
         self._start = None if recipe.coordination is UNSET else coordinate(recipe, seed=seed)
         if self._start is not None:
             self._blank = self._start.skill
         else:
-            self._blank = blank_skill(recipe, make_models(recipe, seed) if standing is None else standing.models)
-        if standing is None:
-            empty = make_table(*self._blank.values.shape, sparse=self._sparse)
-            standing = Standing(self._blank.objects, empty if self._start is None else self._start.table())
-        self._at = standing
-        self._scene, self._learner = make_scene(recipe, self._blank), make_learner(recipe.learning)
-        self._decisions = make_decisions(recipe.time_limit_steps)
-        self._play(0)  # compiles what is not compiled yet
+            self._blank = blank_skill(recipe, make_models(recipe, seed) if standing is None else standing[0])
+        if standing is not None:
+            table = standing[1].tables[0]
+        elif self._start is not None:
+            table = self._start.table()
+        else:
+            table = make_table(*self._blank.values.shape, sparse=recipe.learning.storage == "sparse")
+        self._scene = solo_scene(recipe, self._blank, LEARNER, learner=make_learner(recipe.learning), table=table)
+        self._practice = Practice(
+            self._scene,
+            [0],
+            trials,
+            self._play,
+            check=self._check,
+            rule=recipe.learning,
+            standing=None if standing is None else standing[1],
+        )
+        self._play(0, 0)  # compiles what is not compiled yet
 
     @classmethod
     def load(cls, path: Path, recipe: Recipe, *, seed: int, trials: int) -> Self:
@@ -98,8 +110,9 @@ class Learning:
         Raises:
             InputError: the checkpoint is damaged, or of another recipe, seed, number of trials, or version.
         """
-        standing = read_checkpoint(path, _identity(recipe, seed, trials))
-        return cls(recipe, seed=seed, trials=trials, standing=standing)
+        header, arrays = read_checkpoint(path, _identity(recipe, seed, trials))
+        models = unpack_models(header["objects"], arrays)
+        return cls(recipe, seed=seed, trials=trials, standing=(models, Standing.unpack(header, arrays)))
 
     def save(self, path: Path) -> None:
         """Write a checkpoint, whole or not at all.
@@ -107,17 +120,20 @@ class Learning:
         Raises:
             OSError: it cannot be written.
         """
-        write_checkpoint(path, self._at, _identity(self._recipe, self._seed, self._trials))
+        objects, models = pack_models(self._blank.objects)
+        header, arrays = self._practice.at.pack()
+        identity = _identity(self._recipe, self._seed, self._trials)
+        write_checkpoint(path, identity, {"objects": objects, **header}, {**arrays, **models})
 
     @property
     def done(self) -> int:
         """How many trials have been run."""
-        return self._at.done
+        return self._practice.at.done
 
     @property
     def is_finished(self) -> bool:
         """Whether all trials have been run."""
-        return self._at.done == self._trials
+        return self._practice.is_finished
 
     def advance(self) -> float:
         """Run the next block of trials, and check the table if that is due; return the share that succeeded.
@@ -125,65 +141,52 @@ class Learning:
         Raises:
             InputError: no start was found.
         """
-        at, settings, first = self._at, self._recipe.learning, self._at.done
-        outcomes = self._play(min(_BLOCK, self._trials - first))
-        at.done = done = first + len(outcomes)
-        due = settings.check_every and (
-            self.is_finished or done // settings.check_every > first // settings.check_every
-        )
-        if due and done >= settings.check_from * self._trials:
-            score = self._check()
-            if score >= at.best_score:
-                at.best, at.best_score, at.kept_after = at.table.values[: at.table.used[0]].copy(), score, done
-        return float(_success(self._recipe, outcomes).mean())
+        return float(_success(self._recipe, self._practice.advance().ends).mean())
 
     def skill(self) -> Skill:
         """Return what has been learned so far."""
-        at = self._at
         about = {
             "recipe": plain_recipe(self._recipe),
             "recipe_digest": recipe_digest(self._recipe),
             "seed": self._seed,
             "trials": self._trials,
-            "kept_after_trials": at.done if at.best is None else at.kept_after,
-            "states_visited": int((at.table.visits.sum(axis=1) > 0).sum()),
+            "kept_after_trials": self._practice.kept_after,
+            "states_visited": int((self._practice.at.tables[0].visits.sum(axis=1) > 0).sum()),
         }
         if self._start is not None:
             about["coordination"] = self._start.about
-        values = self._values(at.table.values if at.best is None else at.best)
-        return dataclasses.replace(self._blank, values=values, about=about, sparse=self._sparse)
+        values = self._kept(self._practice.values_kept()[0])
+        return dataclasses.replace(
+            self._blank, values=values, about=about, sparse=self._recipe.learning.storage == "sparse"
+        )
 
-    def _values(self, learned: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Return (states, actions) values of a skill from those of the table's rows."""
-        values = all_states(learned, self._at.table.rows)
+    def _kept(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return (states, actions) values of a skill from those of the table."""
         return values if self._start is None else self._start.keep(values)
 
-    def _play(self, count: int) -> NDArray[np.int64]:
-        """Learn from the next trials and return their outcomes."""
-        recipe, at = self._recipe, self._at
-        at.table = with_room(at.table, count * most_decisions(recipe.time_limit_steps, recipe.action.min_steps))
-        seeds = game_seeds(self._seed, SkillStream.LEARNING, count=count, first=at.done)
-        outcomes, steps = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        schedule = at.done, self._trials
-        ready = self._scene, self._learner, True, LEARNED, *schedule, seeds, at.table, self._decisions, outcomes, steps
-        if not run_trials(*ready):
-            raise no_start(recipe)
-        return outcomes
+    def _play(self, first: int, count: int) -> Results:
+        """Learn from the next trials."""
+        seeds = game_seeds(self._seed, SkillStream.LEARNING, count=count, first=first)
+        found = self._scene.run(seeds, first=first, total=self._trials)
+        if found is None:
+            raise no_start(self._recipe)
+        return found
 
-    def _check(self) -> float:
+    def _check(self) -> tuple[float, dict[str, float]]:
         """Return the mean reward of the greedy policy, half from starts in view, half from anywhere.
 
         These starts are the same for all checks of one learning, and are neither those of learning nor of evaluation.
         """
         recipe = self._recipe
-        now = dataclasses.replace(self._blank, values=self._values(self._at.table.values))
-        reward = 0.0
+        now = dataclasses.replace(self._blank, values=self._kept(self._practice.values_now()[0]))
+        reward, told = 0.0, {}
         for starts in ("in-view", "anywhere"):
             changed = msgspec.structs.replace(recipe, starts=starts)
             measured = _run(changed, now, recipe.learning.check_games, self._seed, SkillStream.CHECK)
             success = float((measured.outcomes == SUCCESS).mean())
+            told[starts] = measured.success_rate
             reward += 0.5 * (success * recipe.goal_reward + measured.collision_rate * recipe.collision_reward)
-        return reward
+        return reward, told
 
 
 def _identity(recipe: Recipe, seed: int, trials: int) -> dict[str, Any]:
@@ -235,7 +238,7 @@ def evaluate(
     Args:
         recipe: the task.
         skill: what to measure: a skill; "random", actions that are each held as long as the recipe allows; or
-            "informed", a controller that is told the true state (behaviors.alone.informed).
+            "informed", a controller that is told the true state (behaviors.trials.informed).
         games: how many trials.
         seed: the starts are drawn from it; they are never those of learning.
         starts: "in-view" or "anywhere", instead of the recipe's.
@@ -256,13 +259,16 @@ def _run(
     recipe: Recipe, skill: Skill | Yardstick, games: int, seed: int, stream: SkillStream, epsilon: float = 0.0
 ) -> Measured:
     """Run ``games`` trials of the recipe without learning."""
-    scene = make_scene(recipe, skill if isinstance(skill, Skill) else provisional_skill(recipe))
-    policy = LEARNED if isinstance(skill, Skill) else RANDOM if skill == "random" else INFORMED
-    seeds = game_seeds(seed, stream, count=games)
-    outcomes, steps = np.zeros(games, np.int64), np.zeros(games, np.int64)
+    known = isinstance(skill, Skill)
     learner = make_learner(recipe.learning)._replace(epsilon_start=epsilon, epsilon_end=epsilon)
-    unused = make_table(1, len(scene.codes))
-    decisions = make_decisions(recipe.time_limit_steps)
-    if not run_trials(scene, learner, False, policy, 0, games, seeds, unused, decisions, outcomes, steps):
+    scene = solo_scene(
+        recipe,
+        skill if isinstance(skill, Skill) else provisional_skill(recipe),
+        INFORMED if skill == "informed" else SKILL,
+        learner=learner,
+        at_random=not known,
+    )
+    found = scene.run(game_seeds(seed, stream, count=games), total=games)
+    if found is None:
         raise no_start(recipe)
-    return Measured(outcomes, steps, _success(recipe, outcomes))
+    return Measured(found.ends, found.steps, _success(recipe, found.ends))

@@ -17,7 +17,7 @@ from coevo.config import RunSettings
 from coevo.evolution.evaluation import Evaluator
 from coevo.evolution.loop import evolve
 from coevo.evolution.population import codes_of, first_population
-from coevo.game import Arena, warm_up
+from coevo.game import Arena, function_set, warm_up
 from coevo.plain import PlainGame
 from coevo.recipes import read_settings
 from coevo.run import create_run
@@ -25,7 +25,6 @@ from coevo.seeds import RunStream, game_seeds
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params, replay
 from coevo.soccer.world import World
-from coevo.soccer_game import function_set
 from coevo.tree import from_codes
 from coevo.tree.program import compile_program
 

@@ -3,6 +3,10 @@
 numba's own cache looks only at the file that defines a function: an edit of a helper or a constant in
 another file would go on running the old machine code. Here the folder of the cache is named by a digest of
 every kernel source and of the versions of the libraries, so that stale code can never be run.
+
+Parts of kernels (``helper``, ``inlined``) are compiled once for each combination of types, whatever the values: numba
+would make a copy for every literal argument such as ``t = 0``. They have no wrapper for Python, which could call them
+only by compiling them on their own: Python calls entries.
 """
 
 from __future__ import annotations
@@ -10,7 +14,6 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
-import re
 import sys
 import threading
 from collections.abc import Callable
@@ -24,41 +27,40 @@ import numba
 import platformdirs
 from numba import types
 from numba.core import cgutils
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-__all__ = ["borrowed", "cache_folder", "entry", "helper", "inlined", "is_compiled"]
+__all__ = ["KERNEL_SOURCES", "borrowed", "cache_folder", "entry", "helper", "inlined", "is_compiled"]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _PACKAGES = Path(__file__).resolve().parents[1]
-_DECORATED = re.compile(rb"^from coevo\.compiled import .*\b(entry|helper|inlined)\b", re.MULTILINE)
-_TAKEN_FROM = re.compile(rb"^from behaviors\.([\w.]+) import", re.MULTILINE)
 _LIBRARIES = ("numba", "llvmlite", "numpy", "pymunk")
+_OPTIONS: dict[str, Any] = {"nogil": True, "fastmath": False, "error_model": "numpy"}
 _entries: list[Any] = []
 _decorating = threading.Lock()
 
+# Where compiled code may stand: files, and folders with all that is in them. A number that a kernel uses must come from
+# one of these too, as the machine code holds it.
+KERNEL_SOURCES = (
+    "coevo/compiled.py",
+    "coevo/game",
+    "coevo/skill",
+    "coevo/soccer",
+    "coevo/stage",
+    "coevo/tree",
+    "behaviors/tabular",
+    "behaviors/trials",
+)
 
-def _kernel_sources() -> list[Path]:
-    """Every source that may hold compiled code: it is cheaper to compile once too often than to run old code."""
-    folders = [_PACKAGES / "coevo" / part for part in ("soccer", "skill", "tree")]
-    singles = [_PACKAGES / "coevo" / "game.py", _PACKAGES / "coevo" / "compiled.py"]
-    found = [path for folder in folders for path in folder.glob("*.py")]
-    return sorted(path for path in [*found, *singles, *_learning_sources()] if path.exists())
 
-
-def _learning_sources() -> set[Path]:
-    """The modules of behaviors that hold compiled code, and those that they take names from."""
-    texts = {path: path.read_bytes() for path in (_PACKAGES / "behaviors").rglob("*.py")}
-    waiting = [path for path, text in texts.items() if _DECORATED.search(text)]
-    found: set[Path] = set()
-    while waiting:
-        path = waiting.pop()
-        if path in texts and path not in found:
-            found.add(path)
-            for name in _TAKEN_FROM.findall(texts[path]):
-                module = _PACKAGES.joinpath("behaviors", *name.decode().split("."))
-                waiting += [module.with_suffix(".py"), module / "__init__.py"]
-    return found
+def _kernel_files() -> list[Path]:
+    found: list[Path] = []
+    for name in KERNEL_SOURCES:
+        path = _PACKAGES / name
+        found += [path] if path.suffix else path.rglob("*.py")
+    return sorted(path for path in found if path.exists())
 
 
 @cache
@@ -68,7 +70,7 @@ def cache_folder() -> Path:
     for library in _LIBRARIES:
         digest.update(f"{library} {version(library)}\n".encode())
     digest.update(f"{sys.version} {platform.machine()} {llvmlite.binding.get_host_cpu_name()}\n".encode())
-    for path in _kernel_sources():
+    for path in _kernel_files():
         digest.update(path.relative_to(_PACKAGES).as_posix().encode() + b"\0" + path.read_bytes())
     root = os.environ.get("COEVO_CACHE_DIR") or platformdirs.user_cache_dir("coevo")
     return Path(root) / digest.hexdigest()[:20]
@@ -102,9 +104,58 @@ def borrowed(_typing: Any, value: Any) -> Any:
     return value(value), generate
 
 
+class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]  # numba carries no types
+    """Code of a part, which becomes machine code only in the entries that it is linked into.
+
+    Left to itself numba optimises every part and makes machine code of it, and does both again for each caller.
+    """
+
+    def finalize(self) -> None:
+        for library in dict.fromkeys(self._linking_libraries):
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)  # noqa: SLF001 - numba's name
+        self._finalized = True
+
+    def get_pointer_to_function(self, _name: str) -> int:
+        self._ensure_finalized()
+        return 0
+
+    @property
+    def codegen(self) -> Any:
+        return _WithoutEnvironment()
+
+
+class _WithoutEnvironment:
+    """Takes the Python environment of a part, which has none: nothing in a part touches Python's objects."""
+
+    def set_env(self, _name: str, _environment: Any) -> None:
+        return
+
+
+class _PartCompiler(Compiler):  # type: ignore[misc]  # numba carries no types
+    """numba's compiler, which puts its result into a ``_PartLibrary``."""
+
+    def define_pipelines(self) -> Any:
+        self.state.library = _PartLibrary(self.state.targetctx.codegen(), "part")
+        return super().define_pipelines()
+
+
+def _part(function: _F, **options: bool) -> _F:
+    compiled = numba.njit(
+        no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=_PartCompiler, **_OPTIONS, **options
+    )(function)
+    resolve = compiled.get_call_template
+
+    def resolve_types(arguments: Any, named: Any) -> Any:
+        plain = {name: types.unliteral(kind) for name, kind in named.items()}
+        return resolve(tuple(types.unliteral(kind) for kind in arguments), plain)
+
+    compiled.get_call_template = resolve_types
+    return cast("_F", compiled)
+
+
 def helper(function: _F) -> _F:
     """Compile ``function`` as a part of the entry kernels that call it."""
-    return cast("_F", numba.njit(nogil=True, fastmath=False, error_model="numpy")(function))
+    return _part(function)
 
 
 def inlined(function: _F) -> _F:
@@ -112,7 +163,7 @@ def inlined(function: _F) -> _F:
 
     For what runs in every step and takes whole tuples of arrays: handing a hundred words over costs more than the work.
     """
-    return cast("_F", numba.njit(nogil=True, fastmath=False, error_model="numpy", forceinline=True)(function))
+    return _part(function, forceinline=True)
 
 
 def entry(function: _F) -> _F:
@@ -121,7 +172,7 @@ def entry(function: _F) -> _F:
         before = numba.config.CACHE_DIR
         numba.config.CACHE_DIR = str(cache_folder())
         try:
-            compiled = numba.njit(nogil=True, fastmath=False, error_model="numpy", cache=True)(function)
+            compiled = numba.njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
         finally:
             numba.config.CACHE_DIR = before
     _entries.append(compiled)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from coevo.config import EvolutionSettings, RunSettings
-from coevo.games import own_references
+from coevo.game import own_references
 from coevo.plugins import own_file
 from coevo.skill import load_skill
 

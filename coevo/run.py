@@ -23,8 +23,7 @@ from coevo.config import EvolutionSettings, check_experiment, read_toml, to_toml
 from coevo.environment import environment
 from coevo.errors import InputError
 from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, write_whole
-from coevo.game_contract import Game
-from coevo.games import make_game, own_references
+from coevo.game import Game, make_game, own_references
 from coevo.plugins import own_file, search_folders
 from coevo.records import Checkpoint, GenerationRecord, columns, table_lines
 from coevo.tree import Tree, from_codes

@@ -27,11 +27,10 @@ import pytest
 from coevo.cli import main
 from coevo.errors import InputError
 from coevo.evolution.evaluation import group_seeds
-from coevo.game import Arena
+from coevo.game import Arena, function_set
 from coevo.replay import trace_digest
 from coevo.run import create_run, open_run
 from coevo.skill import load_skill, skill_path
-from coevo.soccer_game import function_set
 from coevo.tree import compile_program, parse, simplify, tree_codes
 from coevo.usage import play_seeds
 

@@ -11,7 +11,7 @@ import pytest
 from coevo.config import GPSettings, RunSettings
 from coevo.errors import InputError
 from coevo.evolution.population import codes_of, first_population
-from coevo.game import Arena, warm_up
+from coevo.game import Arena, SoccerGame, warm_up
 from coevo.plain import PlainGame
 from coevo.recipes import read_settings
 from coevo.seeds import game_seed, game_seeds
@@ -19,7 +19,6 @@ from coevo.skill import ObjectModel, Skill, load_skill
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 from coevo.soccer.conditions import things_of
-from coevo.soccer_game import SoccerGame
 from coevo.tree import Tree, from_codes, parse
 from coevo.tree.program import compile_program, tree_codes
 from coevo.vocabulary import CATEGORIES, SKILLS

@@ -12,15 +12,14 @@ from coevo.config import EvaluationSettings, EvolutionSettings, FitnessSettings,
 from coevo.errors import InputError
 from coevo.evolution.evaluation import Evaluator
 from coevo.fitness import Scorer
-from coevo.game_contract import check_game
-from coevo.games import make_game
+from coevo.game import check_game, make_game
 from coevo.plugins import load_callable, own_file, search_folders
 from coevo.run import create_run
 from coevo.tree import compile_program, parse, tree_codes
 
 GAME = """
 import numpy as np
-from coevo.game_contract import Played, Role
+from coevo.game import Played, Role
 from coevo.tree import FunctionSet
 
 class Game:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import shutil
 
 import pytest
-
 from behaviors.pair.recipe import Schedule
+
 from behaviors.recipe import Recipe, installed_recipes
 from behaviors.recipe import read_recipe as read_skill_recipe
 from coevo import recipes

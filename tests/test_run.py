@@ -20,9 +20,9 @@ import pytest
 from coevo.config import RunSettings, check, read_toml
 from coevo.errors import InputError
 from coevo.files import digest_of
+from coevo.game import function_set
 from coevo.records import Checkpoint
 from coevo.run import Run, create_run, open_run
-from coevo.soccer_game import function_set
 from coevo.tree import Tree, from_codes
 
 WRITES = ("generations.csv", "part", "checkpoint.npz")  # of one generation, in their order

@@ -12,10 +12,9 @@ from analysis.games import unseen_seeds
 from coevo.config import RunSettings
 from coevo.console import output_options, show, table
 from coevo.evolution.population import codes_of, first_population
-from coevo.game import Arena
+from coevo.game import Arena, function_set
 from coevo.recipes import read_settings
 from coevo.soccer.camera import ROBOTS, camera_params, make_retina, object_count, see
-from coevo.soccer_game import function_set
 from coevo.tree import compile_program
 
 __all__ = ["categories"]

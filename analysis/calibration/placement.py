@@ -13,9 +13,8 @@ from analysis.games import play, programs_of, unseen_seeds
 from coevo.config import RunSettings
 from coevo.console import output_options, show, table
 from coevo.evolution.population import codes_of, first_population
-from coevo.game import Arena
+from coevo.game import Arena, function_set
 from coevo.recipes import read_settings
-from coevo.soccer_game import function_set
 from coevo.statistics import mean_interval
 from coevo.tree import from_codes, parse
 

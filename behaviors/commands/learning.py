@@ -17,8 +17,6 @@ from coevo.console import Progress, emit, note, output_options, put_off_interrup
 from coevo.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from behaviors.learning import Learning
     from behaviors.recipe import Recipe
 
@@ -145,7 +143,7 @@ def _begin(recipe: Recipe, checkpoint: Path, *, resume: bool, quiet: bool) -> Le
     from behaviors.learning import Learning
     from behaviors.lpm import PersistentExcitationWarning
 
-    tell_compiling(recipe, quiet=quiet)
+    tell_compiling(quiet=quiet)
     if resume and checkpoint.exists():
         learning = Learning.load(checkpoint, recipe, seed=recipe.seed, trials=recipe.trials)
         note(f"Going on after {learning.done} of {recipe.trials} trials.", quiet=quiet)
@@ -219,14 +217,10 @@ def _prepare(folder: Path) -> None:
         probe.unlink()
 
 
-def tell_compiling(learned: Recipe | None, *, quiet: bool) -> None:
-    """Say that learning a recipe, or else only measuring, compiles what it takes first, if it does."""
-    from behaviors.alone.steps import count_steps
-    from behaviors.alone.trials import gather, run_trials
+def tell_compiling(*, quiet: bool) -> None:
+    """Say that learning and measuring compile the trials first, if they do."""
+    from behaviors.trials.kernels import run_trials
     from coevo.compiled import is_compiled
 
-    needed: list[Callable[..., Any]] = [run_trials]
-    if learned is not None:
-        needed.append(gather if learned.coordination is msgspec.UNSET else count_steps)
-    if not all(is_compiled(kernel) for kernel in needed):
+    if not is_compiled(run_trials):
         note("Compiling the trials for this machine, once: about 20 s ...", quiet=quiet)

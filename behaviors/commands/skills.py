@@ -97,7 +97,7 @@ def evaluate(*, skill: str, games: int, seed: int, starts: str, as_json: bool, q
 
     loaded = load_skill(skill)
     recipe = check(Recipe, dict(loaded.about.get("recipe", {})), f"the recipe in {skill}")
-    tell_compiling(None, quiet=quiet)
+    tell_compiling(quiet=quiet)
     data = {"name": loaded.name, **measure(recipe, loaded, games=games, seed=seed, starts=starts)}
     if as_json:
         emit(data)

@@ -12,18 +12,17 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from behaviors.alone.scene import make_scene, no_start
-from behaviors.alone.steps import count_steps
 from behaviors.coordination.areas import RELEARN, Areas, Behaviour, areas_of, component, first_values, state_values
 from behaviors.recipe import Recipe
-from behaviors.tabular.decisions import make_decisions
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import Table, make_table
+from behaviors.trials.solo import no_start, solo_scene
 from coevo.config import check
 from coevo.errors import InputError
 from coevo.seeds import SkillStream, game_seeds
 from coevo.skill import ObjectModel, Skill, load_skill, make_bank
 from coevo.soccer.drive import action_set
+from coevo.stage import LEARNER
 
 __all__ = ["Coordinated", "coordinate", "expected_steps"]
 
@@ -141,17 +140,16 @@ def expected_steps(recipe: Recipe, skill: Skill, *, trials: int, seed: int) -> A
         InputError: no start was found.
     """
     recipe = msgspec.structs.replace(recipe, starts="anywhere")
-    mean = msgspec.structs.replace(recipe.learning, alpha=1.0, alpha_visits=1.0)
-    numbers = make_learner(mean)._replace(gamma=1.0)
-    expected = np.full((len(skill.values), 1), float(recipe.time_limit_steps))
-    visits = np.zeros(expected.shape, np.int64)
+    never = float(recipe.time_limit_steps)
+    mean = msgspec.structs.replace(recipe.learning, alpha=1.0, alpha_visits=1.0, update="lambda-returns")
+    learner = make_learner(mean)._replace(gamma=1.0, easy_share=0.0, follows=True, never=never)
+    table = make_table(len(skill.values), 1)
+    table.values[:] = never
     seeds = game_seeds(seed, SkillStream.STEPS, count=trials)
-    table = make_table(*skill.values.shape)
-    table.fixed[:] = True
-    scene, decisions = make_scene(recipe, skill), make_decisions(recipe.time_limit_steps)
-    if not count_steps(scene, numbers, float(recipe.time_limit_steps), seeds, table, decisions, expected, visits):
+    scene = solo_scene(recipe, skill, LEARNER, learner=learner, table=table)
+    if scene.run(seeds, total=trials) is None:
         raise no_start(recipe)
-    return expected[:, 0]
+    return scene.minds[0].table.values[:, 0]
 
 
 def _behaviour(recipe: Recipe, skill: Skill, own_states: NDArray[np.int64], seed: int) -> Behaviour:

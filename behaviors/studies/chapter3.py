@@ -12,7 +12,7 @@ import multiprocessing
 import os
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,12 +21,11 @@ from typing import Any
 import click
 import msgspec
 
-from behaviors.pair.agents import NAMES, PERIODS, Outcomes, joined
-from behaviors.pair.models import error_trace, exchange, prediction_errors
-from behaviors.pair.recipe import Schedule, read_schedule
-from behaviors.pair.schedule import Report, Schooling
-from behaviors.pair.transfer import transfer
-from behaviors.pair.trial import run_pair
+from behaviors.practice import joined
+from behaviors.schedule.agents import NAMES, rates
+from behaviors.schedule.course import Course
+from behaviors.schedule.recipe import Schedule, read_schedule
+from behaviors.trials.kernels import Results, run_trials
 from coevo.compiled import is_compiled
 from coevo.console import duration, note, output_options, show
 from coevo.errors import InputError
@@ -34,60 +33,54 @@ from coevo.seeds import game_seed
 
 __all__ = ["chapter3", "run_set"]
 
+_SAVE_EVERY_S = 20.0
+
 Files = dict[str, bytes]
+Report = Callable[[str, int, int], None]
 
 
-def run_set(schedule: Schedule, number: int, report: Report | None = None) -> Files:
+def run_set(schedule: Schedule, number: int, report: Report | None = None, *, checkpoint: Path | None = None) -> Files:
     """Run one set and return its files by name; the same schedule and number give the same bytes.
 
     Args:
         schedule: the method.
         number: of the set, from 0 on.
         report: called with (period, trials done, trials in all).
+        checkpoint: where it stands is kept here now and then; it goes on with what is there.
     """
     seed = int(game_seed(schedule.seed, number))
-    here = Schooling(schedule, seed, report=report)
-    here.learn(PERIODS[schedule.periods])
-    agents = here.agents
-    after = here.afterwards(schedule.games)
-    errors = [row for agent in agents for row in prediction_errors(agent, "simulation")]
-    exchanged = exchange(agents, "simulation")
-    traces = [{"where": "simulation", "robot": a.name, **row} for a in agents for row in error_trace(a)]
-    skills = {agent.name: agent.skill(schedule) for agent in agents}
-    files = {f"{name}.npz": skill.to_bytes() for name, skill in skills.items()}
-    trials, models = dict(here.trials), list(here.models)
-    if schedule.transfer.trials_e + schedule.transfer.trials_f > 0:
-        there = transfer(schedule, seed, agents, report)
-        trials |= there.trials
-        models += there.models
-        errors += [row for agent in agents for row in prediction_errors(agent, "transfer")]
-        exchanged += exchange(agents, "transfer")
-        traces += [{"where": "transfer", "robot": a.name, **row} for a in agents for row in error_trace(a)]
+    if checkpoint is not None and checkpoint.exists():
+        course = Course.load(checkpoint, schedule, seed)
+    else:
+        course = Course(schedule, seed)
+    saved = time.monotonic()
+    while not course.is_finished:
+        at = course.advance()
+        if report is not None:
+            report(*at)
+        if checkpoint is not None and time.monotonic() - saved > _SAVE_EVERY_S:
+            course.save(checkpoint)
+            saved = time.monotonic()
     summary = {
         "method": schedule.name,
         "kind": schedule.periods,
         "set": number,
         "seed": str(seed),  # JSON has no integers of 64 bits
-        "states": {agent.name: len(skills[agent.name].values) for agent in agents},
-        "gathered_trials": here.gathered,
-        "after": _measured(after),
-        "periods": {name: {"trials": len(found.ends), **found.rates()} for name, found in trials.items()},
-        "models": models,
-        "prediction_errors": errors,
-        "exchange": exchanged,
+        "states": course.told["states"],
+        "gathered_trials": course.told["gathered"],
+        "after": course.told["after"],
+        "periods": {name: {"trials": len(found.ends), **rates(found)} for name, found in course.results.items()},
+        "models": course.told["models"],
+        "prediction_errors": course.told["errors"],
+        "exchange": course.told["exchange"],
     }
-    files["set.json"] = msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n"
-    files["trials.csv"] = _trials(trials)
-    files["checks.csv"] = _csv(here.checks)
-    files["errors.csv"] = _csv(traces)
-    return files
-
-
-def _measured(found: Outcomes) -> dict[str, Any]:
-    """Return the rates of trials: of all, and of those in which one or the other robot started nearer to the ball."""
-    parts = {name: found.where_nearer(robot) for robot, name in enumerate(NAMES)}
-    nearer = {name: {"games": len(part.ends), **part.rates()} for name, part in parts.items() if len(part.ends)}
-    return {"games": len(found.ends), **found.rates(), "nearer": nearer}
+    return {
+        **{f"{name}.npz": data for name, data in course.skills.items()},
+        "set.json": msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n",
+        "trials.csv": _trials(course.results),
+        "checks.csv": _csv(course.told["checks"]),
+        "errors.csv": _csv(course.told["traces"]),
+    }
 
 
 def _csv(rows: Sequence[dict[str, Any]]) -> bytes:
@@ -99,7 +92,7 @@ def _csv(rows: Sequence[dict[str, Any]]) -> bytes:
     return text.getvalue().encode()
 
 
-def _trials(found: dict[str, Outcomes]) -> bytes:
+def _trials(found: dict[str, Results]) -> bytes:
     periods = [name for name, one in found.items() for _ in one.ends]
     rows = zip(periods, *(column.tolist() for column in joined(list(found.values()))), strict=True)
     return _csv([{"period": p, "end": e, "passes": n, "steps": s, "nearer": NAMES[r]} for p, e, n, s, r in rows])
@@ -136,7 +129,9 @@ def _one(schedule: Schedule, number: int, folder: Path, *, quiet: bool) -> float
         if done == total or done % max(250, total // 5 // 250 * 250) == 0:
             note(f"{name}: period {period}, {done} of {total} trials", quiet=quiet)
 
-    _write(folder, run_set(schedule, number, report))
+    checkpoint = folder.with_name(f".{folder.name}.npz")
+    _write(folder, run_set(schedule, number, report, checkpoint=checkpoint))
+    checkpoint.unlink(missing_ok=True)
     return time.monotonic() - start
 
 
@@ -181,7 +176,8 @@ def chapter3(
 ) -> None:
     """Run the experiment of chapter 3: sets of its periods for each RECIPE, a name or a TOML file.
 
-    Sets that are finished stay as they are: the same command goes on after an interruption.
+    Sets that are finished stay as they are, and one under way goes on where it was: give the same command again after
+    an interruption.
 
     \b
     Example: coevo reproduce chapter3 chapter3/short --sets 2 --out runs/short
@@ -196,8 +192,8 @@ def chapter3(
         tasks += [(schedule, number, folder) for number, folder in folders if not folder.exists()]
     finished = len(recipes) * sets - len(tasks)
     note(f"{len(tasks)} sets to run, {finished} are finished", quiet=quiet)
-    if tasks and not is_compiled(run_pair):
-        note("Compiling the trials for this machine, once: a minute or two ...", quiet=quiet)
+    if tasks and not is_compiled(run_trials):
+        note("Compiling the trials for this machine, once: about 30 s ...", quiet=quiet)
     with _one_thread_each(), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         jobs = {pool.submit(_one, *task, quiet=quiet): f"{task[0].name} set {task[1]}" for task in tasks}
         for ended, job in enumerate(as_completed(jobs), start=1):

@@ -13,10 +13,10 @@ from typing import Any, Literal
 import click
 import numpy as np
 
-from behaviors.alone.experience import Stretch, enough, experience
+from behaviors.experience import Stretch, enough, experience
 from behaviors.lpm import MAX_HISTORY_LENGTH, LocalPredictionModel, PersistentExcitationWarning, identify
-from behaviors.pair.models import residuals
 from behaviors.recipe import ExperienceSettings, ModelSettings, MoverSettings, Recipe
+from behaviors.schedule.models import residuals
 from coevo.config import CameraSettings, RobotSettings, WorldSettings
 from coevo.console import note, output_options, show, table
 

@@ -13,23 +13,23 @@ from functools import partial
 import click
 import numpy as np
 
-from behaviors.alone.experience import make_models
-from behaviors.alone.scene import blank_skill, make_scene
-from behaviors.alone.trials import LEARNED, run_trials
-from behaviors.pair.agents import PERIODS
-from behaviors.pair.data import LEARNING, STATIONARY
-from behaviors.pair.recipe import read_schedule
-from behaviors.pair.schedule import Schooling
+from behaviors.experience import make_models
 from behaviors.recipe import installed_recipes, read_recipe
-from behaviors.tabular.decisions import make_decisions
+from behaviors.schedule.course import Course
+from behaviors.schedule.recipe import read_schedule
+from behaviors.schedule.scene import first_table, pair_scene
+from behaviors.tabular.decisions import most_decisions
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import make_table
+from behaviors.trials.scene import Scene
+from behaviors.trials.solo import blank_skill, solo_scene
 from coevo.config import WorldSettings
 from coevo.console import note, output_options, show, table
 from coevo.seeds import SetStream, SkillStream, game_seeds
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params, replay
 from coevo.soccer.world import World
+from coevo.stage import LEARNER, STANDING
 
 __all__ = ["physics_seconds", "speed"]
 
@@ -55,36 +55,41 @@ def physics_seconds(world: WorldSettings, robots: int, steps: int) -> float:
     return seconds * steps / (-(-steps // _AT_ONCE) * _AT_ONCE)
 
 
+def _timed(scene: Scene, stream: tuple[int, ...], trials: int) -> tuple[float, int]:
+    """Return the seconds of so many trials, and their steps."""
+    seeds = game_seeds(*stream, count=trials)
+    began = time.perf_counter()
+    found = scene.run(seeds, total=trials)
+    seconds = time.perf_counter() - began
+    assert found is not None
+    return seconds, int(found.steps.sum())
+
+
 def _alone(name: str, trials: int) -> tuple[WorldSettings, int, float, int]:
     """Return the world of a skill, its robots, the seconds of learning in so many trials, and their steps."""
     recipe = read_recipe(name)
     skill = blank_skill(recipe, make_models(recipe, recipe.seed))
-    scene, learner = make_scene(recipe, skill), make_learner(recipe.learning)
-    values, decisions = make_table(*skill.values.shape), make_decisions(recipe.time_limit_steps)
-
-    def run(count: int) -> tuple[float, int]:
-        outcomes, steps = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        seeds = game_seeds(recipe.seed, SkillStream.LEARNING, count=count)
-        began = time.perf_counter()
-        run_trials(scene, learner, True, LEARNED, 0, trials, seeds, values, decisions, outcomes, steps)
-        return time.perf_counter() - began, int(steps.sum())
-
-    run(1)  # compiles what is not compiled yet
-    return recipe.world, scene.task.robots, *run(trials)
+    table, learner = make_table(*skill.values.shape), make_learner(recipe.learning)
+    scene = solo_scene(recipe, skill, LEARNER, learner=learner, table=table)
+    stream = recipe.seed, SkillStream.LEARNING
+    _timed(scene, stream, 1)  # compiles what is not compiled yet
+    return recipe.world, len(scene.minds), *_timed(scene, stream, trials)
 
 
 def _pair(roles: tuple[int, int], trials: int) -> tuple[WorldSettings, int, float, int]:
     """Return the same of the two robots of chapter 3 in these roles."""
-    schedule = read_schedule(_SCHEDULE, ["store.report_orders=false", "trials=1"])
-    one = Schooling(schedule, schedule.seed)
-    one.learn(PERIODS["scheduled"][:2])  # so that both have models
-    duty = PERIODS["simultaneous"][0].duties[0]
-    for agent in one.agents:
-        agent.values = None
-    pair = one.pair(roles, [one.table(agent, duty) for agent in one.agents])
-    began = time.perf_counter()
-    found = one.run(pair, (SetStream.TIMING,), trials, total=trials)
-    return schedule.world, 2, time.perf_counter() - began, int(found.steps.sum())
+    changes = ["store.report_orders=false", "trials=1", "transfer.trials_e=0", "transfer.trials_f=0", "games=10"]
+    schedule = read_schedule(_SCHEDULE, changes)
+    course = Course(schedule, schedule.seed)
+    while not course.is_finished:  # so that both have models
+        course.advance()
+    for agent in course.agents:
+        agent.values, agent.old = None, None
+    tables = [first_table(agent, schedule) for agent in course.agents]
+    scene = pair_scene(schedule, schedule.world, course.agents, roles, tables=tables)
+    for robot, agent in enumerate(course.agents):
+        scene.grow(robot, trials * most_decisions(schedule.time_limit_steps, agent.settings.action.min_steps))
+    return schedule.world, 2, *_timed(scene, (schedule.seed, SetStream.TIMING), trials)
 
 
 @click.command()
@@ -106,8 +111,8 @@ def speed(*, trials: int, as_json: bool, quiet: bool) -> None:
     physics_seconds(WorldSettings(), 1, 1)
     runs: list[tuple[str, Callable[[], tuple[WorldSettings, int, float, int]]]] = [
         *((name, partial(_alone, name, trials)) for name in installed_recipes()),
-        ("chapter 3, period A", partial(_pair, (LEARNING, STATIONARY), trials)),
-        ("chapter 3, both learn", partial(_pair, (LEARNING, LEARNING), trials)),
+        ("chapter 3, period A", partial(_pair, (LEARNER, STANDING), trials)),
+        ("chapter 3, both learn", partial(_pair, (LEARNER, LEARNER), trials)),
     ]
     rows, data = [], []
     for label, run in runs:

@@ -15,7 +15,10 @@ __all__ = ["Learner", "greedy", "lambda_returns", "make_learner", "one_step"]
 
 
 class Learner(NamedTuple):
-    """Numbers of Q learning; see behaviors.recipe.LearningSettings."""
+    """Numbers of Q learning; see behaviors.recipe.LearningSettings.
+
+    follows: act by the policy that is there, and learn how many steps it takes to the goal, ``never`` if it fails.
+    """
 
     one_step: bool
     per_action: bool
@@ -28,6 +31,8 @@ class Learner(NamedTuple):
     epsilon_end: float
     easy_share: float
     anywhere_share: float
+    follows: bool = False
+    never: float = 0.0
 
 
 def make_learner(settings: LearningSettings) -> Learner:

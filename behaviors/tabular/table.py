@@ -12,14 +12,15 @@ dissertation's Table 3.2), 25,000 trials reach a small part of it: sparse.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from coevo.compiled import helper
 
-__all__ = ["Table", "all_states", "make_table", "row_of", "with_room"]
+__all__ = ["Table", "all_states", "make_table", "pack_table", "row_of", "unpack_table", "with_room"]
 
 
 class Table(NamedTuple):
@@ -69,6 +70,26 @@ def all_states(values: NDArray[np.float64], rows: NDArray[np.int32]) -> NDArray[
     known = (rows >= 0) & (rows < len(values))
     whole[known] = values[rows[known]]
     return whole
+
+
+def pack_table(table: Table) -> dict[str, NDArray[Any]]:
+    """Return the rows of a table that are in use, by name, for a file."""
+    used = int(table.used[0])
+    states = np.flatnonzero(table.rows >= 0)
+    return {
+        "values": table.values[:used],
+        "visits": table.visits[:used],
+        "fixed": table.fixed[:used],
+        "state_of_row": states[np.argsort(table.rows[states])],
+    }
+
+
+def unpack_table(parts: Mapping[str, NDArray[Any]], states: int) -> Table:
+    """Return the table that was packed, for so many states."""
+    used = len(parts["values"])
+    rows = np.full(states, -1, np.int32)
+    rows[parts["state_of_row"]] = np.arange(used)
+    return Table(parts["values"], parts["visits"], parts["fixed"], rows, np.array([used]))
 
 
 @helper

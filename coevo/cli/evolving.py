@@ -74,8 +74,7 @@ def evolve(
     settings = read_experiment(recipe, changes)
     from coevo.evolution.evaluation import check_backend
     from coevo.fitness import Scorer
-    from coevo.game import StartsDoNotFitError
-    from coevo.games import check_playable
+    from coevo.game import StartsDoNotFitError, check_playable
     from coevo.plugins import search_folders
     from coevo.run import create_run
 
@@ -125,7 +124,7 @@ def resume(*, folder: Path, workers: int, backend: str, as_json: bool, quiet: bo
 def _go_on(run: Run, workers: int, backend: str, *, as_json: bool, quiet: bool) -> None:
     from coevo.evolution import evolve as evolve_run
     from coevo.evolution.evaluation import Evaluator, check_backend
-    from coevo.games import prepare
+    from coevo.game import prepare
 
     check_backend(backend)
     release = run.lock()

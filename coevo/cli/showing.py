@@ -52,7 +52,7 @@ def inspect(
     Example: coevo inspect runs/smoke-seed0 --robot r1 --simplified
              coevo inspect runs/smoke-seed0 --robot r1 --simplified --format svg > tree.svg
     """
-    from coevo.games import prepare
+    from coevo.game import prepare
     from coevo.run import open_run
     from coevo.tree import simplify
     from coevo.tree.draw import as_dot, as_svg, as_text
@@ -129,7 +129,7 @@ def play(
              coevo play runs/smoke-seed0 --games 3 --video replay.html
     """
     from coevo.config import RunSettings
-    from coevo.games import prepare
+    from coevo.game import prepare
     from coevo.run import open_run
     from coevo.usage import play_seeds
 
@@ -174,8 +174,8 @@ def _play_soccer(
     run: Run, programs: Sequence[Program | None], seeds: NDArray[np.uint64], trace: Path | None, video: Path | None
 ) -> tuple[dict[str, NDArray[np.int64]], int | None, str]:
     """Return what was counted as ``_play`` does, the number of steps, and a digest of all trajectories."""
+    from coevo.game import SoccerGame
     from coevo.replay import trace_digest, write_trace, write_video
-    from coevo.soccer_game import SoccerGame
 
     game = run.game
     assert isinstance(game, SoccerGame)

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from coevo.config import EvolutionSettings, ForeignSettings, check_experiment
 from coevo.errors import InputError
-from coevo.game_contract import Game, Played, check_played
-from coevo.games import make_game
+from coevo.game import Game, Played, check_played, make_game
 from coevo.plugins import own_failure
 from coevo.seeds import RunStream, game_seeds
 from coevo.tree import Program

@@ -14,7 +14,7 @@ from coevo.evolution.evaluation import Evaluator
 from coevo.evolution.grouping import random_groups
 from coevo.evolution.population import Individual, breed, codes_of, first_population, individual_of
 from coevo.fitness import Scorer
-from coevo.game_contract import Played
+from coevo.game import Played
 from coevo.records import Checkpoint, GenerationRecord
 from coevo.run import Run
 from coevo.tree import FunctionSet, Program

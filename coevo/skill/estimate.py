@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from coevo.compiled import helper, inlined
 from coevo.skill.bank import MATE, NEAREST, SkillBank
-from coevo.soccer.camera import FEATURES, ROBOT_FEATURES, ROBOTS, CameraParams
-from coevo.soccer.rng import normal
+from coevo.soccer.camera import FEATURES, ROBOT_FEATURES, ROBOTS
 
-__all__ = ["Memory", "discrete_state", "forget", "make_memory", "perturb", "remember"]
+__all__ = ["Memory", "discrete_state", "forget", "make_memory", "remember"]
 
 
 class Memory(NamedTuple):
@@ -70,32 +69,11 @@ def make_memory(bank: SkillBank, mates: list[int]) -> Memory:
 @helper
 def forget(memory: Memory) -> None:
     """Start a game with nothing seen."""
-    memory.areas[:] = 0.0
-    memory.inputs[:] = 0.0
-    memory.seen[:] = 0
-    memory.side[:] = 0
-    memory.nearest[:] = -1
-
-
-@helper
-def perturb(
-    camera: CameraParams,
-    objects: int,
-    features: NDArray[np.float64],
-    areas: NDArray[np.float64],
-    rng: NDArray[np.uint64],
-) -> None:
-    """Add sensor noise to the features of what is visible of the camera's ``objects``.
-
-    Each coordinate and extent gets the camera's noise; the area, a sum over an outline, that times its square root.
-    """
-    for o in range(objects):
-        if areas[o] > 0.0:
-            last = 3 if o == 0 else (10 if o < ROBOTS else 4)
-            for k in range(last):
-                features[o, k] += camera.noise * normal(rng)
-            areas[o] = max(1.0, areas[o] + camera.noise * np.sqrt(areas[o]) * normal(rng))
-            features[o, last] = areas[o]
+    memory.areas.fill(0.0)
+    memory.inputs.fill(0.0)
+    memory.seen.fill(0)
+    memory.side.fill(0)
+    memory.nearest.fill(-1)
 
 
 @inlined

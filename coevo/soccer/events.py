@@ -17,9 +17,11 @@ __all__ = [
     "clear_events",
     "event_params",
     "goal_scored",
+    "in_contact",
     "make_events",
     "out_of_field",
     "record_contacts",
+    "record_goal",
 ]
 
 
@@ -34,7 +36,7 @@ class EventParams(NamedTuple):
 class Events(NamedTuple):
     """What has happened in a game so far.
 
-    kicks, collisions, passes: (robots,) int64 counts.
+    kicks, collisions, passes, own_goals: (robots,) int64 counts.
     touching: (robots, robots) bool, pairs of robots that have collided and not parted since; on the diagonal, whether
         the robot touched the ball in the last step.
     last_touch: (1,) int64, who touched the ball last, -1 for nobody; touched_at: (1,) int64, when.
@@ -43,6 +45,7 @@ class Events(NamedTuple):
     kicks: NDArray[np.int64]
     collisions: NDArray[np.int64]
     passes: NDArray[np.int64]
+    own_goals: NDArray[np.int64]
     touching: NDArray[np.bool_]
     last_touch: NDArray[np.int64]
     touched_at: NDArray[np.int64]
@@ -63,6 +66,7 @@ def make_events(robots: int) -> Events:
         kicks=np.zeros(robots, np.int64),
         collisions=np.zeros(robots, np.int64),
         passes=np.zeros(robots, np.int64),
+        own_goals=np.zeros(robots, np.int64),
         touching=np.zeros((robots, robots), np.bool_),
         last_touch=np.full(1, -1, np.int64),
         touched_at=np.zeros(1, np.int64),
@@ -72,12 +76,19 @@ def make_events(robots: int) -> Events:
 @inlined
 def clear_events(events: Events) -> None:
     """Start a game with nothing having happened."""
-    events.kicks[:] = 0
-    events.collisions[:] = 0
-    events.passes[:] = 0
-    events.touching[:] = False
+    events.kicks.fill(0)
+    events.collisions.fill(0)
+    events.passes.fill(0)
+    events.own_goals.fill(0)
+    events.touching.fill(False)
     events.last_touch[0] = -1
     events.touched_at[0] = 0
+
+
+@inlined
+def in_contact(params: EventParams, gap: float) -> bool:
+    """Tell whether bodies whose smallest gap in a step was ``gap`` [m] touched."""
+    return bool(gap <= params.contact_gap)
 
 
 @inlined
@@ -96,19 +107,19 @@ def record_contacts(
     """
     robots = teams.shape[0]
     for r in range(robots):
-        touches = ball_gap[r] <= params.contact_gap
+        touches = in_contact(params, ball_gap[r])
         if touches:
             events.kicks[r] += 1
             last, ago = events.last_touch[0], time - events.touched_at[0]
             received = last >= 0 and last != r and teams[last] == teams[r] and not events.touching[r, r]
-            if received and ball_gap[last] > params.contact_gap and ago <= params.pass_window:
+            if received and not in_contact(params, ball_gap[last]) and ago <= params.pass_window:
                 events.passes[last] += 1
             events.last_touch[0] = r
             events.touched_at[0] = time
         events.touching[r, r] = touches
         for other in range(r):
             gap = robot_gap[r, other]
-            if gap <= params.contact_gap:
+            if in_contact(params, gap):
                 if not events.touching[r, other]:
                     events.touching[r, other] = True
                     events.collisions[r] += 1
@@ -126,6 +137,14 @@ def goal_scored(physics: PhysicsParams, state: NDArray[np.float64]) -> int:
     if x < 0.0:
         return 1
     return -1
+
+
+@inlined
+def record_goal(teams: NDArray[np.int64], scored: int, events: Events) -> None:
+    """Count a goal of team ``scored`` (-1: none) as an own goal of who touched the ball last, if it is one."""
+    last = events.last_touch[0]
+    if scored >= 0 and last >= 0 and teams[last] != scored:
+        events.own_goals[last] += 1
 
 
 @inlined

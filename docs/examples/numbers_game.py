@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.errors import InputError
-from coevo.game_contract import Played, Role
+from coevo.game import Played, Role
 from coevo.tree import FunctionSet, Program
 
 __all__ = ["NumbersGame", "lead", "make"]
@@ -80,7 +80,7 @@ class NumbersGame:
         return np.array(found)
 
     def play(self, programs: Sequence[Program | None], seeds: NDArray[np.uint64]) -> Played:
-        """Play one game a seed; see ``coevo.game_contract.Game``."""
+        """Play one game a seed; see ``coevo.game.Game``."""
         leaves, right = [], []
         for program in programs:
             assert program is not None

@@ -7,12 +7,12 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
-from scipy import stats
-
-from behaviors import learning
 from behaviors.alone.experience import experience
 from behaviors.alone.scene import provisional_skill
 from behaviors.alone.task import COLLISION, FAILURE, GOING, SUCCESS, judge, task_params
+from scipy import stats
+
+from behaviors import learning
 from behaviors.cards import make_card, measure
 from behaviors.learning import evaluate, learn
 from behaviors.recipe import (

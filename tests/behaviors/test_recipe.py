@@ -8,9 +8,9 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 import pytest
+from behaviors.alone.task import start_trial, task_params
 from scipy import stats
 
-from behaviors.alone.task import start_trial, task_params
 from behaviors.recipe import (
     MoverSettings,
     Recipe,

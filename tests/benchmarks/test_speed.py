@@ -7,14 +7,13 @@ import pytest
 
 from coevo.config import RunSettings
 from coevo.evolution.population import breed, codes_of, first_population
-from coevo.game import Arena
+from coevo.game import Arena, function_set
 from coevo.recipes import read_settings
 from coevo.seeds import game_seeds
 from coevo.soccer.camera import FEATURES, camera_params, make_retina, object_count, see
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params, replay
 from coevo.soccer.world import World
-from coevo.soccer_game import function_set
 from coevo.tree.program import compile_program
 
 STEPS, GAMES = 300, 20

@@ -17,9 +17,8 @@ from coevo.evolution.evaluation import Evaluator, check_backend, group_seeds
 from coevo.evolution.grouping import random_groups
 from coevo.evolution.population import breed, codes_of, first_population, individual_of
 from coevo.fitness import fixed, varying
-from coevo.game import Arena
+from coevo.game import Arena, SoccerGame, function_set
 from coevo.run import create_run
-from coevo.soccer_game import SoccerGame, function_set
 from coevo.tree import compile_program, from_codes
 
 FITNESS_OF = ["goals", "lost", "kicks", "collisions", "steps"]

@@ -13,7 +13,7 @@ from scipy import stats
 
 from coevo.config import GPSettings
 from coevo.evolution.population import breed, codes_of, first_population, individual_of
-from coevo.soccer_game import function_set
+from coevo.game import function_set
 from coevo.tree import Tree, parse, tree_codes
 from coevo.vocabulary import SKILLS
 

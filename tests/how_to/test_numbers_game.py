@@ -13,8 +13,7 @@ from coevo.config import check_experiment, read_toml
 from coevo.errors import InputError
 from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
-from coevo.game_contract import check_game, check_played
-from coevo.games import make_game
+from coevo.game import check_game, check_played, make_game
 from coevo.run import create_run, open_run
 from coevo.tree import compile_program, parse, simplify, tree_codes
 

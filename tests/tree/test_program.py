@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coevo.errors import InputError
-from coevo.soccer_game import function_set
+from coevo.game import function_set
 from coevo.tree import Tree, compile_program, from_codes, parse, tree_codes
 from coevo.tree.program import measure
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coevo.soccer_game import function_set
+from coevo.game import function_set
 from coevo.tree import FunctionSet, Tree, parse, simplify
 from coevo.usage import merge_usage
 

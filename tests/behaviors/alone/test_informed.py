@@ -3,9 +3,9 @@ import math
 import msgspec
 import numpy as np
 import pytest
-
 from behaviors.alone.informed import informed_action
 from behaviors.alone.scene import make_scene, provisional_skill
+
 from behaviors.learning import evaluate
 from behaviors.recipe import MoverSettings, read_recipe
 

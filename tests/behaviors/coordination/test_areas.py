@@ -6,12 +6,12 @@ import itertools
 
 import numpy as np
 import pytest
+from behaviors.alone.steps import _expect
+from behaviors.alone.task import COLLISION, FAILURE, GOING, SUCCESS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.cluster.vq import kmeans2
 
-from behaviors.alone.steps import _expect
-from behaviors.alone.task import COLLISION, FAILURE, GOING, SUCCESS
 from behaviors.coordination.areas import RELEARN, Behaviour, areas_of, component, first_values, state_values
 from behaviors.recipe import LearningSettings
 from behaviors.tabular.decisions import make_decisions

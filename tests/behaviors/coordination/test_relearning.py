@@ -7,14 +7,14 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
-from click.testing import CliRunner
-from scipy import stats
-
 from behaviors.alone import scene
 from behaviors.alone.scene import make_scene
 from behaviors.alone.steps import count_steps
 from behaviors.alone.task import COLLISION, SUCCESS
 from behaviors.alone.trials import LEARNED, run_trials
+from click.testing import CliRunner
+from scipy import stats
+
 from behaviors.commands import learn as learn_command
 from behaviors.coordination.areas import component
 from behaviors.coordination.relearning import coordinate, expected_steps

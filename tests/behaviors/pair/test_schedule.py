@@ -8,12 +8,12 @@ import shutil
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
-
 from behaviors.pair.agents import PERIODS
 from behaviors.pair.data import FIXED
 from behaviors.pair.recipe import read_schedule, transfer_world
 from behaviors.pair.schedule import Schooling
+from click.testing import CliRunner
+
 from behaviors.studies.chapter3 import chapter3
 from behaviors.tabular.table import make_table
 from coevo.errors import InputError

@@ -7,8 +7,6 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
-from scipy import stats
-
 from behaviors.alone.experience import align
 from behaviors.alone.task import COLLISION, FAILURE, GOING, SUCCESS
 from behaviors.pair import trial as pairs
@@ -19,6 +17,8 @@ from behaviors.pair.recipe import TransferSettings, read_schedule
 from behaviors.pair.schedule import Schooling
 from behaviors.pair.transfer import run_elsewhere
 from behaviors.pair.trial import STRAY_GOAL
+from scipy import stats
+
 from coevo.compiled import entry
 from coevo.seeds import game_seeds
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from behaviors.alone.scene import make_scene
 from behaviors.alone.task import COLLISION, GOING, SUCCESS
 from behaviors.alone.trials import LEARNED, run_trials
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from behaviors.recipe import LearningSettings, read_recipe
 from behaviors.tabular.decisions import make_decisions
 from behaviors.tabular.qlearning import lambda_returns, make_learner, one_step

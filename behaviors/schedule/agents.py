@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.alone.scene import blind_models
-from behaviors.alone.task import COLLISION, SUCCESS
 from behaviors.lpm import LocalPredictionModel
-from behaviors.pair.data import FIXED, LEARNING, STATIONARY, Store, make_store
-from behaviors.pair.recipe import LearnerSettings, Schedule
+from behaviors.schedule.recipe import LearnerSettings, Schedule
+from behaviors.trials.kernels import Results
+from behaviors.trials.minds import Store, make_store
+from behaviors.trials.solo import blind_models
+from behaviors.trials.task import COLLISION, SUCCESS
 from coevo.errors import InputError
 from coevo.skill import ObjectModel, Skill
 from coevo.skill.model import MOST_STATES
+from coevo.soccer.camera import ROBOTS
 from coevo.soccer.drive import action_set
+from coevo.stage import LEARNER, SKILL, STANDING
 
-__all__ = ["NAMES", "PERIODS", "Agent", "Duty", "Outcomes", "Period", "joined", "new_agents", "no_outcomes"]
+__all__ = ["NAMES", "PERIODS", "Agent", "Duty", "Period", "new_agents", "rates", "where_nearer"]
 
 NAMES = ("passer", "shooter")
+_OBJECTS = ROBOTS + 2  # of a robot's memory: the other robot is there as the mate and as the nearest
 
 
 class Duty(NamedTuple):
@@ -43,12 +46,12 @@ class Period(NamedTuple):
 # Table 3.1. A model is first made of random actions, and later of what was stored while the other robot learned.
 PERIODS = {
     "scheduled": (
-        Period("A", (Duty(LEARNING, True, "random"), Duty(STATIONARY, False, "kept"))),
-        Period("B", (Duty(FIXED, True, "kept"), Duty(LEARNING, True, "random"))),
-        Period("C", (Duty(LEARNING, False, "stored"), Duty(FIXED, True, "kept"))),
-        Period("D", (Duty(FIXED, True, "kept"), Duty(LEARNING, False, "stored"))),
+        Period("A", (Duty(LEARNER, True, "random"), Duty(STANDING, False, "kept"))),
+        Period("B", (Duty(SKILL, True, "kept"), Duty(LEARNER, True, "random"))),
+        Period("C", (Duty(LEARNER, False, "stored"), Duty(SKILL, True, "kept"))),
+        Period("D", (Duty(SKILL, True, "kept"), Duty(LEARNER, False, "stored"))),
     ),
-    "simultaneous": (Period("S", (Duty(LEARNING, True, "random"), Duty(LEARNING, True, "random"))),),
+    "simultaneous": (Period("S", (Duty(LEARNER, True, "random"), Duty(LEARNER, True, "random"))),),
 }
 
 
@@ -79,6 +82,11 @@ class Agent:
         """``passer`` or ``shooter``."""
         return NAMES[self.number]
 
+    @property
+    def states(self) -> int:
+        """Number of discrete states that its models tell apart."""
+        return math.prod(model.states for model in self.models)
+
     def skill(self, schedule: Schedule, *, old: bool = False) -> Skill:
         """Return what it has learned, or what it had before; zeros as long as there is nothing."""
         models, values = self.old if old and self.old is not None else (self.models, self.values)
@@ -95,42 +103,25 @@ class Agent:
         return Skill(self.name, drive.drive, models, values, action.min_steps, action.max_steps)
 
 
-class Outcomes(NamedTuple):
-    """How trials went: (trials,) int64 each; see ``run_pair``."""
-
-    ends: NDArray[np.int64]
-    passes: NDArray[np.int64]
-    steps: NDArray[np.int64]
-    nearer: NDArray[np.int64]
-
-    def rates(self) -> dict[str, float]:
-        """Return the shares of trials with a pass, the shooter's goal and a collision, and the mean length."""
-        return {
-            "passing": float((self.passes > 0).mean()),
-            "shooting": float((self.ends == SUCCESS).mean()),
-            "collisions": float((self.ends == COLLISION).mean()),
-            "steps": float(self.steps.mean()),
-        }
-
-    def where_nearer(self, robot: int) -> Outcomes:
-        """Return the trials in which a robot started nearer to the ball than the other."""
-        return Outcomes(*(column[self.nearer == robot] for column in self))
+def rates(found: Results) -> dict[str, float]:
+    """Return the shares of trials with a pass, the shooter's goal and a collision, and the mean length."""
+    return {
+        "passing": float((found.passes > 0).mean()),
+        "shooting": float((found.ends == SUCCESS).mean()),
+        "collisions": float((found.ends == COLLISION).mean()),
+        "steps": float(found.steps.mean()),
+    }
 
 
-def no_outcomes(trials: int) -> Outcomes:
-    """Return room for so many outcomes."""
-    return Outcomes(*(np.zeros(trials, np.int64) for _ in Outcomes._fields))
+def where_nearer(found: Results, robot: int) -> Results:
+    """Return the trials in which a robot started nearer to the ball than the other."""
+    return Results(*(column[found.nearer == robot] for column in found))
 
 
 def new_agents(schedule: Schedule) -> tuple[Agent, Agent]:
     """Return two robots that know nothing."""
     passer, shooter = (
-        Agent(n, settings, blind_models(settings.objects), make_store(schedule.store.steps))
+        Agent(n, settings, blind_models(settings.objects), make_store(schedule.store.steps, _OBJECTS))
         for n, settings in enumerate((schedule.passer, schedule.shooter))
     )
     return passer, shooter
-
-
-def joined(found: Sequence[Outcomes]) -> Outcomes:
-    """Return the outcomes of trials one after the other."""
-    return Outcomes(*(np.concatenate(columns) for columns in zip(*found, strict=True)))

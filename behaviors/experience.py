@@ -10,18 +10,19 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from behaviors.alone.scene import make_scene, no_start, provisional_skill
-from behaviors.alone.trials import gather
 from behaviors.lpm import LocalPredictionModel, identify
 from behaviors.lpm.axes import simple_axes
 from behaviors.lpm.cva import lagged
 from behaviors.raw import raw_model
 from behaviors.recipe import ExperienceSettings, ModelSettings, Recipe
+from behaviors.trials.minds import make_store
+from behaviors.trials.solo import no_start, provisional_skill, solo_scene
 from coevo.errors import InputError
 from coevo.seeds import SkillStream, game_seed
 from coevo.skill import ObjectModel, load_skill
-from coevo.skill.model import INPUTS, OBJECT_KINDS
-from coevo.soccer.camera import BALL, FEATURES, OPPONENT_GOAL, OWN_GOAL, ROBOTS
+from coevo.skill.model import OBJECT_KINDS
+from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
+from coevo.stage import RANDOM
 
 __all__ = ["Stretch", "align", "enough", "experience", "in_view", "make_model", "make_models", "window_count"]
 
@@ -93,32 +94,23 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
     Raises:
         InputError: no start was found, or an object is hardly ever seen.
     """
-    scene = make_scene(recipe, provisional_skill(recipe))
-    objects = scene.memory.areas.shape[1]
+    objects = ROBOTS + (1 if recipe.mover.kind == "none" else 2)
+    scene = solo_scene(recipe, provisional_skill(recipe), RANDOM, store=make_store(_ROWS, objects))
+    store = scene.minds[0].store
+    assert store is not None
     settings = recipe.experience
     stretches: dict[str, list[Stretch]] = {model.kind: [] for model in recipe.objects}
     seen = dict.fromkeys(stretches, 0)  # steps in view
     part = 0
     while min(seen.values()) < settings.windows:
-        trial, inputs = np.zeros(_ROWS, np.int64), np.zeros((_ROWS, INPUTS))
-        features, areas = np.zeros((_ROWS, objects, FEATURES)), np.zeros((_ROWS, objects))
-        random = game_seed(seed, SkillStream.EXPERIENCE, part)
-        filled = gather(
-            scene,
-            random,
-            settings.hold_min_steps,
-            settings.hold_max_steps,
-            settings.trial_steps,
-            trial,
-            inputs,
-            features,
-            areas,
-        )
-        if filled < _ROWS:
+        store.written[0] = 0
+        seeds = np.full(_ROWS, game_seed(seed, SkillStream.EXPERIENCE, part), np.uint64)
+        if scene.run(seeds, limit=settings.trial_steps) is None:
             raise no_start(recipe)
         for kind, found in stretches.items():
             slot = _SLOTS.get(kind, objects - 1)  # the nearest robot has the last one
-            new = in_view(trial, inputs, features[:, slot, : OBJECT_KINDS[kind]], areas[:, slot])
+            features = store.features[:, slot, : OBJECT_KINDS[kind]]
+            new = in_view(store.trial, store.inputs.copy(), features.copy(), store.areas[:, slot].copy())
             seen[kind] += window_count(new)
             found.extend(new)
         part += 1

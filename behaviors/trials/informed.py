@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.alone.task import AVOID, PASS, SEARCH, TaskParams
+from behaviors.trials.task import AVOID, PASS, SEARCH, TaskParams
 from coevo.compiled import helper
 from coevo.soccer.physics import PhysicsParams
 

@@ -10,12 +10,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.alone.experience import Stretch, align, in_view, make_model, window_count
+from behaviors.experience import Stretch, align, in_view, make_model, window_count
 from behaviors.lpm import LocalPredictionModel, PersistentExcitationWarning, identify
-from behaviors.pair.agents import Agent
-from behaviors.pair.data import Store
-from behaviors.pair.recipe import Schedule
 from behaviors.recipe import ExperienceSettings, ModelSettings
+from behaviors.schedule.agents import Agent
+from behaviors.schedule.recipe import Schedule
+from behaviors.trials.minds import Store
 from coevo.skill import ObjectModel
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS

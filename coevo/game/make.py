@@ -7,10 +7,10 @@ from pathlib import Path
 
 from coevo.config import EvolutionSettings, ForeignSettings, RunSettings
 from coevo.errors import InputError
-from coevo.game import warm_up
-from coevo.game_contract import Game, check_game
+from coevo.game.arena import warm_up
+from coevo.game.contract import Game, check_game
+from coevo.game.soccer import SoccerGame
 from coevo.plugins import load_callable, own_failure
-from coevo.soccer_game import SoccerGame
 
 __all__ = ["check_playable", "make_game", "own_references", "prepare"]
 

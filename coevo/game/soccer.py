@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.config import RunSettings
-from coevo.game import Arena, Outcome
-from coevo.game_contract import Played, Role
+from coevo.game.arena import Arena, Outcome
+from coevo.game.contract import Played, Role
 from coevo.soccer.conditions import Condition, function_names, soccer_conditions, things_of
 from coevo.tree import FunctionSet, Program, object_situations
 from coevo.vocabulary import SKILLS
@@ -33,7 +33,7 @@ def function_set(
 
 
 class SoccerGame:
-    """Games of soccer of one setting; see ``coevo.game_contract.Game``.
+    """Games of soccer of one setting; see ``coevo.game.contract.Game``.
 
     Args:
         settings: the experiment.
@@ -65,7 +65,7 @@ class SoccerGame:
         return self._functions[role]
 
     def play(self, programs: Sequence[Program | None], seeds: NDArray[np.uint64]) -> Played:
-        """Play one game a seed; see ``coevo.game_contract.Game`` and ``Arena.play``."""
+        """Play one game a seed; see ``coevo.game.contract.Game`` and ``Arena.play``."""
         return self.played(self.arena.play(programs, seeds))
 
     def played(self, outcome: Outcome) -> Played:

@@ -1,0 +1,85 @@
+"""What a robot of the schedule knows and has stored, as plain data and arrays for a checkpoint."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviors.checkpoint import parts_of, with_prefix
+from behaviors.lpm import LocalPredictionModel
+from behaviors.schedule.agents import Agent
+from behaviors.schedule.recipe import LearnerSettings
+from behaviors.trials.minds import Store
+from coevo.skill.model import pack_models, unpack_models
+
+__all__ = ["pack_agent", "unpack_agent"]
+
+Arrays = Mapping[str, NDArray[Any]]
+_NUMBERS = ("history_length", "order")
+_PARTS = tuple(f.name for f in dataclasses.fields(LocalPredictionModel) if f.name not in _NUMBERS)
+
+
+def _pack_predictors(known: Mapping[str, LocalPredictionModel]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    header = {kind: {name: getattr(model, name) for name in _NUMBERS} for kind, model in known.items()}
+    arrays: dict[str, NDArray[Any]] = {}
+    for kind, model in known.items():
+        arrays |= with_prefix(kind, {name: getattr(model, name) for name in _PARTS})
+    return header, arrays
+
+
+def _unpack_predictors(header: Mapping[str, Any], arrays: Arrays) -> dict[str, LocalPredictionModel]:
+    parts: dict[str, dict[str, Any]] = {kind: {**numbers, **parts_of(kind, arrays)} for kind, numbers in header.items()}
+    return {kind: LocalPredictionModel(**given) for kind, given in parts.items()}
+
+
+def pack_agent(agent: Agent) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return all that a robot knows and has stored."""
+    objects, models = pack_models(agent.models)
+    predictors, of_predictors = _pack_predictors(agent.predictors)
+    chosen, of_chosen = _pack_predictors(agent.chosen)
+    header = {"objects": objects, "old_objects": None, "predictors": predictors, "chosen": chosen}
+    rows = min(len(agent.store.trial), int(agent.store.written[0]))  # later ones were never written
+    store = {name: part if name == "written" else part[:rows] for name, part in agent.store._asdict().items()}
+    arrays = {
+        **with_prefix("models", models),
+        **with_prefix("predictors", of_predictors),
+        **with_prefix("chosen", of_chosen),
+        **with_prefix("store", store),
+    }
+    if agent.values is not None:
+        arrays["values"] = agent.values
+    if agent.old is not None:
+        header["old_objects"], old = pack_models(agent.old[0])
+        arrays |= {**with_prefix("old", old), "old_values": agent.old[1]}
+    return header, arrays
+
+
+def unpack_agent(
+    number: int, settings: LearnerSettings, room: Store, header: Mapping[str, Any], arrays: Arrays
+) -> Agent:
+    """Return the robot that was packed.
+
+    Args:
+        number, settings: see Agent.
+        room: an empty store of the right size, which gets what was stored.
+        header, arrays: what ``pack_agent`` returned.
+    """
+    for name, part in parts_of("store", arrays).items():
+        getattr(room, name)[: len(part)] = part
+    old = None
+    if header["old_objects"] is not None:
+        old = unpack_models(header["old_objects"], parts_of("old", arrays)), np.asarray(arrays["old_values"])
+    return Agent(
+        number,
+        settings,
+        unpack_models(header["objects"], parts_of("models", arrays)),
+        room,
+        _unpack_predictors(header["predictors"], parts_of("predictors", arrays)),
+        _unpack_predictors(header["chosen"], parts_of("chosen", arrays)),
+        arrays.get("values"),
+        old,
+    )

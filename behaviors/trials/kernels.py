@@ -1,0 +1,319 @@
+"""Trials, compiled: begin, the stage's loop, and what is learned at the end.
+
+Trials in a compiled world are run by ``run_trials``. Where images come from elsewhere, Python runs the same loop with
+``begin_trial``, ``act``, ``take_in``, ``judge_trial`` and ``end_trial``, which are made of the same parts.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviors.tabular.decisions import decide, end_decisions
+from behaviors.tabular.table import row_of
+from behaviors.trials.informed import informed_action
+from behaviors.trials.minds import Minds, decisions_of, learner_of, table_of
+from behaviors.trials.starts import start_one, start_two
+from behaviors.trials.task import AVOID, CHANNELS, FAILURE, PASS_AND_SHOOT, SUCCESS, Tally, TaskParams, judge
+from coevo.compiled import borrowed, entry, helper, inlined
+from coevo.skill.estimate import discrete_state, remember
+from coevo.soccer.camera import FEATURES
+from coevo.soccer.rng import below, uniform
+from coevo.stage.data import Stage
+from coevo.stage.kernels import begin, drive, new_state, sense, start_action, step
+from coevo.stage.loop import GOING, run_episode
+from coevo.stage.roles import CHASER, INFORMED, LEARNER, ROAMER, SKILL, STANDING, follow_script
+
+__all__ = ["Results", "Trial", "act", "begin_trial", "end_trial", "judge_trial", "run_trials", "take_in"]
+
+_CHASES, _ROAMS = 3, 2  # of MOVERS
+
+
+class Trial(NamedTuple):
+    """What trials work on.
+
+    regions: (3, 6), where the bodies of a task of two start, see coevo.soccer.placement.
+    progress: (1,) float64, share of the trials that are done: the beta of (3.10); it sets epsilon too.
+    """
+
+    stage: Stage
+    task: TaskParams
+    minds: Minds
+    tally: Tally
+    regions: NDArray[np.float64]
+    progress: NDArray[np.float64]
+
+
+class Results(NamedTuple):
+    """How trials went: (trials,) int64 each.
+
+    ends: GOING (time ran out), SUCCESS, FAILURE, COLLISION or STRAY_GOAL. passes, steps: how many.
+    nearer: of a task of two, the robot that started nearer to the ball.
+    """
+
+    ends: NDArray[np.int64]
+    passes: NDArray[np.int64]
+    steps: NDArray[np.int64]
+    nearer: NDArray[np.int64]
+
+
+@inlined
+def _is_learning(trial: Trial, robot: int) -> bool:
+    return bool(trial.stage.roles.role[robot] == LEARNER)
+
+
+@inlined
+def _ease(trial: Trial, robot: int) -> float:
+    """Return how easy the start should be for a robot: less and less, none without learning or with old knowledge."""
+    learner = learner_of(trial.minds, robot)
+    if not _is_learning(trial, robot) or trial.minds.old[robot] >= 0 or learner.easy_share <= 0.0:
+        return 0.0
+    return float(max(0.0, 1.0 - trial.progress[0] / learner.easy_share))
+
+
+@inlined
+def _start_one(trial: Trial, rng: NDArray[np.uint64]) -> bool:
+    learner, in_view = learner_of(trial.minds, 0), trial.task.in_view
+    if _is_learning(trial, 0) and not learner.follows:
+        in_view = in_view and not uniform(rng) < learner.anywhere_share
+    return start_one(trial.task, trial.stage, _ease(trial, 0), in_view, rng)
+
+
+@inlined
+def _start_two(trial: Trial, rng: NDArray[np.uint64]) -> bool:
+    anywhere = 0.0
+    for robot in range(2):
+        if _is_learning(trial, robot):
+            anywhere = max(anywhere, learner_of(trial.minds, robot).anywhere_share)
+    in_view = trial.task.in_view and not (anywhere > 0.0 and uniform(rng) < anywhere)
+    ease_passer, ease_shooter = _ease(trial, 0), _ease(trial, 1)
+    if ease_passer > 0.0 and ease_shooter > 0.0:  # a start that is easy for both hardly exists
+        if below(rng, 2) == 0:
+            ease_passer = 0.0
+        else:
+            ease_shooter = 0.0
+    share = trial.task.passer_nearer
+    nearer = share > 0.0 and ease_shooter <= 0.0 and uniform(rng) < share
+    return start_two(trial.stage, trial.regions, ease_passer, ease_shooter, in_view, nearer, trial.tally.nearer, rng)
+
+
+@inlined
+def _cast_other(trial: Trial, rng: NDArray[np.uint64]) -> None:
+    """Give the other robot of a task of one its part in this trial."""
+    task, roles = trial.task, trial.stage.roles
+    chases = uniform(rng) < task.chaser_share
+    if roles.role.shape[0] > 1:
+        roles.role[1], roles.share[1] = STANDING, task.mover_speed
+        if task.mover == _CHASES:
+            roles.role[1] = CHASER
+        elif chases:
+            roles.role[1], roles.share[1] = CHASER, task.chaser_speed
+        elif task.mover == _ROAMS:
+            roles.role[1] = ROAMER
+
+
+@helper
+def _begin(trial: Trial, number: int, total: int, rng: NDArray[np.uint64]) -> bool:
+    """Place everything and forget the trial before; False if no start was found."""
+    minds, tally = trial.minds, trial.tally
+    trial.progress[0] = number / max(total - 1, 1)
+    found = _start_two(trial, rng) if trial.task.task == PASS_AND_SHOOT else _start_one(trial, rng)
+    if not found:
+        return False
+    begin(trial.stage, rng)
+    if trial.task.task != PASS_AND_SHOOT:
+        _cast_other(trial, rng)
+    tally.trial[0], tally.passes[0], tally.touched[0] = number, 0, -1
+    for robot in range(trial.stage.roles.role.shape[0]):
+        learner = learner_of(minds, robot)
+        minds.epsilon[robot] = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * trial.progress[0]
+        minds.decisions.made[robot] = 0
+    return True
+
+
+@inlined
+def _keep(trial: Trial) -> None:
+    """Write what robots see now, and the action that led to it, into their stores."""
+    minds, memory, store = trial.minds, trial.stage.memory, trial.minds.store
+    for robot in range(minds.stores.shape[0]):
+        if minds.stores[robot]:
+            row = store.written[robot, 0] % store.trial.shape[1]
+            store.written[robot, 0] += 1
+            store.trial[robot, row] = trial.tally.trial[0]
+            for k in range(2):
+                store.inputs[robot, row, k] = trial.stage.body.codes[robot, k]
+            for o in range(store.areas.shape[2]):
+                store.areas[robot, row, o] = memory.areas[robot, o]
+                for k in range(FEATURES):
+                    store.features[robot, row, o, k] = memory.features[robot, o, k]
+
+
+@inlined
+def _see(trial: Trial, time: int, rng: NDArray[np.uint64]) -> None:
+    sense(trial.stage, time, rng)
+    if time > 0:
+        _keep(trial)
+
+
+@helper
+def _state(stage: Stage, skill: int, robot: int, time: int) -> int:
+    return int(discrete_state(stage.memory, stage.bank, skill, robot, time))
+
+
+@inlined
+def _choose(trial: Trial, robot: int, time: int, rng: NDArray[np.uint64]) -> int:
+    """Return the action of a robot that learns, or acts by what it has learned: the one under way, or a new one."""
+    stage, minds = trial.stage, trial.minds
+    bank, skill = stage.bank, stage.roles.skill[robot]
+    learning = _is_learning(trial, robot)
+    now = new_state(stage, robot, skill, time)
+    if now >= 0:
+        known = int(bank.policy[bank.first[skill] + now])
+        action = known
+        if minds.at_random[robot]:
+            action = below(rng, stage.drive.codes.shape[0])
+        elif learning:
+            reused, old = minds.old[robot], -1
+            if reused >= 0:
+                old = int(bank.policy[bank.first[reused] + _state(stage, reused, robot, time)])
+            learner, table, decisions = learner_of(minds, robot), table_of(minds, robot), decisions_of(minds, robot)
+            epsilon = minds.epsilon[robot]
+            action = decide(learner, table, decisions, now, known, old, epsilon, trial.progress[0], rng)
+        elif minds.epsilon[robot] > 0.0 and uniform(rng) < minds.epsilon[robot]:
+            action = below(rng, stage.drive.codes.shape[0])
+        start_action(stage, robot, skill, now, action)
+    stage.doing.held[robot] += 1
+    if learning:
+        minds.decisions.lengths[robot, minds.decisions.made[robot] - 1] += 1
+    return int(stage.doing.action[robot])
+
+
+@inlined
+def _act(trial: Trial, time: int, rng: NDArray[np.uint64]) -> None:
+    stage = trial.stage
+    for robot in range(stage.roles.role.shape[0]):
+        role = stage.roles.role[robot]
+        if role in (LEARNER, SKILL):
+            action = _choose(trial, robot, time, rng)
+        elif role == INFORMED:
+            action = informed_action(trial.task, stage.physics, stage.body.state, stage.drive.commands)
+        elif role == STANDING:
+            action = -1
+        else:
+            action = follow_script(stage, robot, rng)
+        if action >= 0:
+            drive(stage, robot, action, rng)
+    step(stage, time)
+
+
+@inlined
+def _judge(trial: Trial, time: int) -> int:
+    """Judge, and give those who learn their rewards."""
+    minds, task, rewards = trial.minds, trial.task, trial.tally.rewards
+    ends = judge(task, trial.stage, trial.tally, time)
+    for robot in range(rewards.shape[0]):
+        if _is_learning(trial, robot):
+            last = minds.decisions.made[robot] - 1
+            for channel in range(CHANNELS):
+                if rewards[robot, channel] != 0.0:
+                    earned = minds.rewards[robot, channel] * rewards[robot, channel]
+                    minds.decisions.rewards[robot, last] += earned
+    if task.gathering:
+        return _judge_gathering(trial, ends)
+    return ends
+
+
+@inlined
+def _judge_gathering(trial: Trial, ends: int) -> int:
+    """Experience goes on after collisions, and where the task is not about the ball to the end of the time."""
+    store = trial.minds.store
+    if store.written[0, 0] >= store.trial.shape[1]:
+        return SUCCESS
+    return ends if trial.task.task < AVOID and ends in (SUCCESS, FAILURE) else GOING
+
+
+@helper
+def _end(trial: Trial, ends: int, time: int) -> None:
+    """Let the robots that learn do so."""
+    stage, minds = trial.stage, trial.minds
+    for robot in range(stage.roles.role.shape[0]):
+        if _is_learning(trial, robot):
+            table, last = table_of(minds, robot), -1
+            if ends == GOING:
+                last = row_of(table, _state(stage, stage.roles.skill[robot], robot, time))
+            learner, decisions = learner_of(minds, robot), decisions_of(minds, robot)
+            end_decisions(learner, table, decisions, last, ends not in (GOING, SUCCESS))
+
+
+@entry
+def run_trials(
+    trial: Trial,
+    time_limit: int,
+    first: int,
+    total: int,
+    seeds: NDArray[np.uint64],
+    results: Results,
+) -> int:
+    """Run one trial a seed; return how many were run: fewer if no start was found, or a gathering's store is full.
+
+    Args:
+        trial: stage, task and minds; the tables of those who learn have room for what these trials may visit.
+        time_limit: of a trial [steps].
+        first, total: number of the first of these trials, and of all trials of the learning: set the schedule.
+        seeds: (trials,) uint64; the trials of a gathering all draw from the stream of the first.
+        results: filled.
+    """
+    trial, results = borrowed(trial), borrowed(results)
+    store, tally = trial.minds.store, trial.tally
+    rng = np.zeros(1, np.uint64)
+    for n in range(seeds.shape[0]):
+        if n == 0 or not trial.task.gathering:
+            rng[0] = seeds[n]
+        if not _begin(trial, first + n, total, rng):
+            return n
+        ends, time = run_episode(trial, time_limit, rng, _see, _act, _judge)
+        _end(trial, ends, time)
+        results.ends[n], results.passes[n], results.steps[n] = ends, tally.passes[0], time
+        results.nearer[n] = tally.nearer[0]
+        if trial.task.gathering and store.written[0, 0] >= store.trial.shape[1]:
+            return n + 1
+    return int(seeds.shape[0])
+
+
+@entry
+def begin_trial(trial: Trial, number: int, total: int, rng: NDArray[np.uint64]) -> bool:
+    """Place everything and forget the trial before; False if no start was found."""
+    found: bool = _begin(borrowed(trial), number, total, rng)
+    return found
+
+
+@entry
+def act(trial: Trial, time: int, rng: NDArray[np.uint64]) -> None:
+    """Let all robots choose and move, from a time to the next."""
+    _act(borrowed(trial), time, rng)
+
+
+@entry
+def take_in(trial: Trial, time: int) -> None:
+    """Let all robots remember, and keep, features and areas that were put into their memory from elsewhere."""
+    trial = borrowed(trial)
+    stage = trial.stage
+    for robot in range(stage.roles.role.shape[0]):
+        remember(stage.memory, stage.bank, robot, time, stage.body.codes[robot], 0.5 * stage.camera.columns)
+    if time > 0:
+        _keep(trial)
+
+
+@entry
+def judge_trial(trial: Trial, time: int) -> int:
+    """Return how the trial stands after a step, and give those who learn their rewards."""
+    standing: int = _judge(borrowed(trial), time)
+    return standing
+
+
+@entry
+def end_trial(trial: Trial, ends: int, time: int) -> None:
+    """Let the robots that learn do so; ``ends``: how the trial stood after its last step, number ``time``."""
+    _end(borrowed(trial), ends, time)

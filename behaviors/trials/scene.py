@@ -1,0 +1,146 @@
+"""Trials as Python sees them: a stage, a task and the minds of its robots, made of settings and run by blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviors.tabular.table import with_room
+from behaviors.trials.kernels import Results, Trial, run_trials
+from behaviors.trials.minds import Mind, make_minds, with_tables_of
+from behaviors.trials.task import CHANNELS, Tally, TaskParams
+from coevo.config import WorldSettings
+from coevo.skill import SkillBank
+from coevo.soccer.events import EventParams
+from coevo.soccer.world import World
+from coevo.stage import Venue, make_venue
+
+__all__ = ["Part", "Scene", "make_scene", "no_results"]
+
+_worlds: dict[tuple[bytes, int], World] = {}
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one robot of a scene is.
+
+    role: see coevo.stage.roles. mind: what it decides with. skill: which of the bank. mate: number of its team mate, -1
+    for none. sees: whether it looks. guesses: whether it begins with a belief about where it saw each object last.
+    """
+
+    role: int
+    mind: Mind
+    skill: int = 0
+    mate: int = -1
+    sees: bool = True
+    guesses: bool = True
+
+
+@dataclass
+class Scene:
+    """A stage with a task for its robots.
+
+    Attributes:
+        venue: the stage and its world.
+        minds: of the robots.
+        trial: what compiled trials work on.
+        time_limit: of a trial [steps].
+    """
+
+    venue: Venue
+    minds: list[Mind]
+    trial: Trial
+    time_limit: int
+
+    def grow(self, robot: int, states: int) -> None:
+        """Give a robot's table room for so many states more."""
+        mind = self.minds[robot]
+        grown = with_room(mind.table, states)
+        if grown is not mind.table:
+            mind.table = grown
+            self.trial = self.trial._replace(minds=with_tables_of(self.trial.minds, self.minds))
+
+    def run(
+        self,
+        seeds: NDArray[np.uint64],
+        *,
+        first: int = 0,
+        total: int = 1,
+        limit: int | None = None,
+    ) -> Results | None:
+        """Run one trial a seed, number ``first`` and following of ``total``; None if no start was found.
+
+        Args:
+            seeds: (trials,) uint64; a gathering takes the first for all, and may end before the last.
+            first, total: set the schedule of learning.
+            limit: instead of the time limit, and not above it.
+        """
+        found = no_results(len(seeds))
+        ran = run_trials(self.trial, limit or self.time_limit, first, total, seeds, found)
+        gathered = self.trial.task.gathering and self.trial.minds.store.written[0, 0] >= len(
+            self.trial.minds.store.trial[0]
+        )
+        return found if ran == len(seeds) or gathered else None
+
+
+def no_results(trials: int) -> Results:
+    """Return room for the results of so many trials."""
+    return Results(*(np.zeros(trials, np.int64) for _ in Results._fields))
+
+
+def make_scene(
+    world: WorldSettings,
+    task: TaskParams,
+    parts: Sequence[Part],
+    bank: SkillBank,
+    limits: EventParams,
+    *,
+    time_limit: int,
+    hold: tuple[int, int] = (1, 1),
+    regions: NDArray[np.float64] | None = None,
+) -> Scene:
+    """Put robots with their minds on a stage.
+
+    Args:
+        world: its settings.
+        task: what the trials are about.
+        parts: one for each robot; all play for the team that attacks the goal at x = length.
+        bank: skills that the robots see and act by.
+        limits: of events.
+        time_limit: of a trial [steps].
+        hold: for how many steps, at least and at most, a robot holds a random action.
+        regions: where the bodies of a task of two start.
+    """
+    robots = len(parts)
+    key = (msgspec.json.encode(world), robots)
+    if key not in _worlds:
+        _worlds[key] = World(world, robots)
+    venue = make_venue(
+        world,
+        bank,
+        limits,
+        roles=[part.role for part in parts],
+        teams=[0] * robots,
+        mates=[part.mate for part in parts],
+        world=_worlds[key],
+    )
+    stage = venue.stage
+    stage.roles.sees[:] = [part.sees for part in parts]
+    stage.roles.guesses[:] = [part.guesses for part in parts]
+    stage.roles.skill[:] = [part.skill for part in parts]
+    stage.roles.hold[:] = hold
+    minds = [part.mind for part in parts]
+    one = [np.zeros(1, np.int64) for _ in range(4)]
+    trial = Trial(
+        stage,
+        task,
+        make_minds(minds, time_limit, stage.memory.areas.shape[1]),
+        Tally(np.zeros((robots, CHANNELS)), *one),
+        np.zeros((0, 6)) if regions is None else regions,
+        np.zeros(1),
+    )
+    return Scene(venue, minds, trial, time_limit)

@@ -1,0 +1,119 @@
+"""Trials of one learner, made from a recipe, and skills that have not learned anything yet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from behaviors.recipe import ModelSettings, Recipe
+from behaviors.tabular.qlearning import Learner
+from behaviors.tabular.table import Table, make_table
+from behaviors.trials.minds import Mind, Store
+from behaviors.trials.scene import Part, Scene, make_scene
+from behaviors.trials.task import COLLIDED, MOVERS, SUCCEEDED, TASKS, TaskParams
+from coevo.errors import InputError
+from coevo.skill import ObjectModel, Skill, make_bank
+from coevo.skill.model import INPUTS, MOST_STATES, OBJECT_KINDS
+from coevo.soccer.drive import action_set
+from coevo.soccer.events import EventParams
+from coevo.stage import RANDOM, STANDING
+
+__all__ = ["blank_skill", "blind_models", "no_start", "provisional_skill", "solo_scene", "task_params"]
+
+_NOT_LEARNING = Learner(*([0.0] * len(Learner._fields)))  # type: ignore[arg-type]  # numbers of nothing
+
+
+def task_params(recipe: Recipe, *, gathering: bool = False) -> TaskParams:
+    """Return what the kernels need of a recipe."""
+    return TaskParams(
+        task=TASKS.index(recipe.task),
+        in_view=recipe.starts == "in-view",
+        mover=MOVERS.index(recipe.mover.kind),
+        mover_speed=recipe.mover.speed,
+        chaser_share=recipe.mover.share_of_chasers,
+        chaser_speed=recipe.mover.chaser_speed,
+        passer_nearer=0.0,
+        every_pass=False,
+        gathering=gathering,
+    )
+
+
+def solo_scene(
+    recipe: Recipe,
+    skill: Skill,
+    role: int,
+    *,
+    learner: Learner = _NOT_LEARNING,
+    table: Table | None = None,
+    at_random: bool = False,
+    store: Store | None = None,
+) -> Scene:
+    """Return what the trials of a recipe happen in.
+
+    Args:
+        recipe: task and world.
+        skill: whose eyes and policy the learner has.
+        role: of the learner; RANDOM gathers experience into ``store``.
+        learner: numbers of learning; their epsilon is that of a robot that does not learn too.
+        table: that it learns.
+        at_random: act at random, each action for as long as one of the skill.
+        store: where it keeps what it sees.
+
+    Raises:
+        InputError: the skill was learned for another drive than the recipe's.
+    """
+    actions = len(action_set(recipe.world.robot).codes)
+    bank = make_bank([skill], drive=recipe.world.robot.drive, actions=actions)
+    rewards = {SUCCEEDED: recipe.goal_reward, COLLIDED: recipe.collision_reward}
+    table = make_table(1, actions) if table is None else table
+    mind = Mind(learner, table, store=store, at_random=at_random, rewards=rewards)
+    mate = 1 if recipe.task == "pass" else -1
+    parts = [Part(role, mind, mate=mate, guesses=role != RANDOM)]
+    if recipe.mover.kind != "none":
+        other = Mind(_NOT_LEARNING, make_table(1, actions))
+        parts.append(Part(STANDING, other, mate=0 if mate > 0 else -1, sees=False, guesses=False))
+    gap = recipe.world.physics.contact_gap_m
+    hold = recipe.experience.hold_min_steps, recipe.experience.hold_max_steps
+    task = task_params(recipe, gathering=role == RANDOM)
+    limits = EventParams(gap, gap, 90)
+    limit = max(recipe.time_limit_steps, recipe.experience.trial_steps if role == RANDOM else 0)
+    return make_scene(recipe.world, task, parts, bank, limits, time_limit=limit, hold=hold)
+
+
+def blank_skill(recipe: Recipe, models: tuple[ObjectModel, ...]) -> Skill:
+    """Return a skill of these models with a table of zeros.
+
+    Raises:
+        InputError: the models have more states together than a skill may have.
+    """
+    states = math.prod(model.states for model in models)
+    if states > MOST_STATES:
+        sizes = " x ".join(str(model.states) for model in models)
+        raise InputError(
+            f"the recipe {recipe.name!r}: its objects have {sizes} = {states} states together, and {MOST_STATES} is the"
+            " most a skill may have; give some of them a smaller order"
+        )
+    values = np.zeros((states, len(action_set(recipe.world.robot).codes)), np.float32)
+    drive, action = recipe.world.robot.drive, recipe.action
+    return Skill(recipe.name, drive, models, values, action.min_steps, action.max_steps)
+
+
+def blind_models(objects: Sequence[ModelSettings]) -> tuple[ObjectModel, ...]:
+    """Return models that look at the right objects but know nothing, with which experience is gathered."""
+    pasts = [(model, INPUTS + OBJECT_KINDS[model.kind]) for model in objects]
+    return tuple(ObjectModel(m.kind, 1, np.zeros((1, past)), np.zeros(past), m.cell) for m, past in pasts)
+
+
+def provisional_skill(recipe: Recipe) -> Skill:
+    """Return a skill that looks at the right objects but knows nothing, with which experience is gathered."""
+    return blank_skill(recipe, blind_models(recipe.objects))
+
+
+def no_start(recipe: Recipe) -> InputError:
+    """Return what is to be raised where no start of a trial was found."""
+    return InputError(
+        f"the recipe {recipe.name!r}: no start was found where the bodies fit on the field and the learner sees what"
+        f" the task {recipe.task!r} is about; change world.field or world.camera, or take starts = 'anywhere'"
+    )

@@ -1,0 +1,147 @@
+"""The tasks that robots learn: how a trial stands, and the rewards of each robot; compiled.
+
+In a task of one the learner is robot 0, and for pass and avoid robot 1 follows a script: it is a part of the
+environment. In the task of two robot 0 is the passer and robot 1 the shooter; both attack the goal at x = length.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coevo.compiled import inlined
+from coevo.soccer.camera import BALL
+from coevo.soccer.events import goal_scored, in_contact, out_of_field
+from coevo.stage import GOING
+from coevo.stage.data import Stage
+
+__all__ = [
+    "AVOID",
+    "CHANNELS",
+    "COLLIDED",
+    "COLLISION",
+    "FAILURE",
+    "GOING",
+    "MOVERS",
+    "PASS",
+    "PASSED",
+    "PASSER",
+    "PASS_AND_SHOOT",
+    "SEARCH",
+    "SHOOT",
+    "SHOOTER",
+    "STRAY_GOAL",
+    "SUCCEEDED",
+    "SUCCESS",
+    "TASKS",
+    "Tally",
+    "TaskParams",
+    "judge",
+]
+
+SHOOT, PASS, AVOID, SEARCH, PASS_AND_SHOOT = range(5)
+TASKS = ("shoot", "pass", "avoid", "search", "pass and shoot")
+MOVERS = ("none", "standing", "random", "chaser")
+PASSER, SHOOTER = 0, 1
+# How a trial stands. A stray goal: one that the shooter of the task of two did not touch last.
+SUCCESS, FAILURE, COLLISION, STRAY_GOAL = range(GOING + 1, GOING + 5)
+# What a robot may be rewarded for in a step, in the order in which rewards are added.
+PASSED, SUCCEEDED, COLLIDED = range(3)
+CHANNELS = 3
+
+
+class TaskParams(NamedTuple):
+    """Numbers of a task; speeds as shares of the maximum.
+
+    task: one of TASKS. in_view: start where what the task is about is seen.
+    mover, mover_speed, chaser_share, chaser_speed: what the other robot does, see MoverSettings.
+    passer_nearer: share of trials of two in which the passer starts nearer to the ball.
+    every_pass: reward each pass of a trial, not only the first.
+    gathering: only experience is wanted: a trial ends with the ball, or when the store is full.
+    """
+
+    task: int
+    in_view: bool
+    mover: int
+    mover_speed: float
+    chaser_share: float
+    chaser_speed: float
+    passer_nearer: float
+    every_pass: bool
+    gathering: bool
+
+
+class Tally(NamedTuple):
+    """What is counted in a trial.
+
+    rewards: (robots, CHANNELS) float64, what each robot did in the last step.
+    passes: (1,) int64, so far. touched: (1,) int64, step of robot 0's last contact with the ball, -1 before the first.
+    nearer: (1,) int64, the robot that started nearer to the ball. trial: (1,) int64, number of the trial.
+    """
+
+    rewards: NDArray[np.float64]
+    passes: NDArray[np.int64]
+    touched: NDArray[np.int64]
+    nearer: NDArray[np.int64]
+    trial: NDArray[np.int64]
+
+
+@inlined
+def judge(task: TaskParams, stage: Stage, tally: Tally, time: int) -> int:
+    """Return how the trial stands after a step, and fill the rewards of the robots.
+
+    A goal is tested before everything else: the robot that pushed the ball over the line may follow it out.
+    """
+    tally.rewards.fill(0.0)
+    if task.task == PASS_AND_SHOOT:
+        return _judge_two(task, stage, tally)
+    return _judge_one(task, stage, tally, time)
+
+
+@inlined
+def _judge_one(task: TaskParams, stage: Stage, tally: Tally, time: int) -> int:
+    body, limits = stage.body, stage.limits
+    scored = goal_scored(stage.physics, body.state)
+    if task.task == SHOOT and scored == 0:
+        tally.rewards[0, SUCCEEDED] = 1.0
+        return SUCCESS
+    if in_contact(limits, body.ball_gap[0]):
+        tally.touched[0] = time
+    if body.ball_gap.shape[0] > 1:
+        touched = tally.touched[0]
+        if task.task == PASS and in_contact(limits, body.ball_gap[1]) and touched >= 0 and time - touched <= 90:
+            tally.rewards[0, SUCCEEDED] = 1.0
+            return SUCCESS
+        if in_contact(limits, body.robot_gap[0, 1]):
+            tally.rewards[0, COLLIDED] = 1.0
+            return COLLISION
+    if task.task == SEARCH and stage.memory.areas[0, BALL] > 0.0:
+        tally.rewards[0, SUCCEEDED] = 1.0
+        return SUCCESS
+    if task.task < AVOID and (scored >= 0 or out_of_field(stage.physics, body.state, 0)):
+        return FAILURE
+    return GOING
+
+
+@inlined
+def _judge_two(task: TaskParams, stage: Stage, tally: Tally) -> int:
+    body, events, rewards = stage.body, stage.events, tally.rewards
+    passes = events.passes[PASSER]
+    if passes > tally.passes[0] and (task.every_pass or tally.passes[0] == 0):
+        rewards[PASSER, PASSED] = 1.0
+    tally.passes[0] = passes
+    scored = goal_scored(stage.physics, body.state)
+    if scored == 0:
+        if events.last_touch[0] != SHOOTER:
+            return STRAY_GOAL
+        rewards[SHOOTER, SUCCEEDED] = 1.0
+        return SUCCESS
+    if in_contact(stage.limits, body.robot_gap[PASSER, SHOOTER]):
+        rewards[PASSER, COLLIDED], rewards[SHOOTER, COLLIDED] = 1.0, 1.0
+        return COLLISION
+    physics, state = stage.physics, body.state
+    if scored == 1 or out_of_field(physics, state, PASSER) or out_of_field(physics, state, SHOOTER):
+        return FAILURE
+    return GOING

@@ -1,0 +1,27 @@
+"""Games that trees play: the contract of a game, and soccer."""
+
+from coevo.game.arena import Arena, Outcome, StartsDoNotFitError, Trace, load_bank, warm_up
+from coevo.game.contract import Game, Played, Role, check_game, check_played, teams_of
+from coevo.game.make import check_playable, make_game, own_references, prepare
+from coevo.game.soccer import SoccerGame, function_set
+
+__all__ = [
+    "Arena",
+    "Game",
+    "Outcome",
+    "Played",
+    "Role",
+    "SoccerGame",
+    "StartsDoNotFitError",
+    "Trace",
+    "check_game",
+    "check_playable",
+    "check_played",
+    "function_set",
+    "load_bank",
+    "make_game",
+    "own_references",
+    "prepare",
+    "teams_of",
+    "warm_up",
+]

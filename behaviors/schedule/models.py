@@ -65,9 +65,11 @@ def renew_models(agent: Agent, schedule: Schedule, period: str, reuse: str) -> l
     A model stays as it is if its object was in view for fewer than ``store.least_windows`` steps (the dagger of Table
     3.2), or if the stored actions are too much the same to tell their effects apart, as those of a greedy policy may
     be. What the robot knew becomes its ``old`` knowledge if ``reuse`` is "mixture", or the values of the new states if
-    it is "copy".
+    it is "copy". With "keep" a robot that has learned stays as it is.
     """
     first = agent.values is None
+    if reuse == "keep" and not first:
+        return []
     experience = schedule.experience
     if not first:  # of random experience a part is enough; of what was stored all counts
         experience = msgspec.structs.replace(experience, windows=schedule.store.steps)

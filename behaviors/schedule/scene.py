@@ -65,6 +65,8 @@ def pair_scene(
     parts = []
     for n, (agent, role, table, learner) in enumerate(zip(agents, roles, tables, learners, strict=True)):
         numbers = learner or make_learner(agent.settings.learning)
+        if agent.values is not None:  # missions grow from near to far only for one that begins from nothing
+            numbers = numbers._replace(easy_share=0.0)
         if role != LEARNER:
             numbers = numbers._replace(epsilon_start=epsilon[n], epsilon_end=epsilon[n])
         task = {PASSED: schedule.pass_reward} if n == PASSER else {SUCCEEDED: schedule.goal_reward}

@@ -7,6 +7,7 @@ recipe is the learner of chapter 3 to the letter.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -23,6 +24,7 @@ from coevo.config import (
     WorldSettings,
     check,
     file_kind,
+    override,
     read_toml,
 )
 from coevo.recipes import is_path, recipe_path
@@ -238,10 +240,15 @@ def is_recipe_of(source: str, folder: Path) -> bool:
     return _path(source).resolve() == (folder / "recipe.toml").resolve()
 
 
-def read_recipe(source: str) -> Recipe:
+def read_recipe(source: str, changes: Sequence[str] = ()) -> Recipe:
     """Read an installed recipe by the name of its skill, another recipe by its name, or a TOML file by path.
+
+    Args:
+        source: name or path.
+        changes: settings to replace, see ``coevo.config.override``.
 
     Raises:
         InputError: there is no such recipe, it is of another kind, or it is wrong.
     """
-    return check(Recipe, read_toml(_path(source)), source if is_path(source) else f"the recipe of {source}")
+    data = override(read_toml(_path(source)), changes)
+    return check(Recipe, data, source if is_path(source) else f"the recipe of {source}")

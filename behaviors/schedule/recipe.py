@@ -84,8 +84,8 @@ class Schedule(FileSettings, frozen=True, kw_only=True):
     periods: Literal["scheduled", "simultaneous"] = "scheduled"  # simultaneous: both learn in all trials at once
     trials: Annotated[int, Meta(ge=1, le=10_000_000)] = 25_000  # [T] a period; simultaneous: four times as many
     time_limit_steps: Annotated[int, Meta(ge=1, le=100_000)] = 900  # 30 s
-    # Before C and D: new models with (3.10), with a table from zero, or with the old values in the new states; or models
-    # and table as they were, where there is no model to renew.
+    # Before C and D: new models with (3.10), with a table from zero, or with the old values in the new states; "keep":
+    # models and table as they were, where there is no model to renew.
     reuse: Literal["mixture", "cold", "copy", "keep"] = "mixture"
     fixed_epsilon: Share = 0.0  # random actions of a robot that does not learn; its policy is greedy besides
     goal_reward: float = 1.0  # [T]

@@ -22,8 +22,8 @@ from coevo.seeds import StartsSeed
 __all__ = ["skills"]
 
 
-def _one(name: str, seed: int, games: int) -> dict[str, Any]:
-    recipe = msgspec.structs.replace(read_recipe(name), seed=seed)
+def _one(name: str, seed: int, games: int, changes: tuple[str, ...]) -> dict[str, Any]:
+    recipe = msgspec.structs.replace(read_recipe(name, changes), seed=seed)
     return make_card(recipe, learn(recipe), games=games, seed=StartsSeed.SKILLS)
 
 
@@ -34,21 +34,33 @@ def _one(name: str, seed: int, games: int) -> dict[str, Any]:
     "--games", type=click.IntRange(min=1), default=1000, show_default=True, help="Trials that measure each result."
 )
 @click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True)
+@click.option("--set", "changes", multiple=True, metavar="KEY=VALUE", help="Replace a setting of the recipes.")
 @click.option("--out", type=click.Path(path_type=Path), help="Write the cards to a JSON file.")
 @output_options
 def skills(
-    *, names: tuple[str, ...], seeds: int, games: int, workers: int, out: Path | None, as_json: bool, quiet: bool
+    *,
+    names: tuple[str, ...],
+    seeds: int,
+    games: int,
+    workers: int,
+    changes: tuple[str, ...],
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Learn the recipes NAMES (all that are installed) with several seeds and print what each came to.
 
     \b
     Example: coevo reproduce skills --seeds 5
              coevo reproduce skills search --seeds 2 --games 200
+             coevo reproduce skills pass --set learning.return_lambda=0.9
     """
     chosen = list(names or installed_recipes())
     tasks = [(name, seed) for name in chosen for seed in range(1, seeds + 1)]
     cards: list[dict[str, Any]] = []
-    for card in joblib.Parallel(n_jobs=workers, return_as="generator")(joblib.delayed(_one)(*t, games) for t in tasks):
+    for card in joblib.Parallel(n_jobs=workers, return_as="generator")(
+        joblib.delayed(_one)(*t, games, changes) for t in tasks
+    ):
         cards.append(card)
         note(f"{card['name']} seed {card['learned_with']['seed']} done ({len(cards)} of {len(tasks)})", quiet=quiet)
     rows = []

@@ -125,7 +125,7 @@ def _begin(trial: Trial, number: int, total: int, rng: NDArray[np.uint64]) -> bo
     begin(trial.stage, rng)
     if trial.task.task != PASS_AND_SHOOT:
         _cast_other(trial, rng)
-    tally.trial[0], tally.passes[0], tally.touched[0] = number, 0, -1
+    tally.trial[0], tally.passes[0] = number, 0
     for robot in range(trial.stage.roles.role.shape[0]):
         learner = learner_of(minds, robot)
         minds.epsilon[robot] = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * trial.progress[0]
@@ -209,10 +209,10 @@ def _act(trial: Trial, time: int, rng: NDArray[np.uint64]) -> None:
 
 
 @inlined
-def _judge(trial: Trial, time: int) -> int:
+def _judge(trial: Trial, _time: int) -> int:
     """Judge, and give those who learn their rewards."""
     minds, task, rewards = trial.minds, trial.task, trial.tally.rewards
-    ends = judge(task, trial.stage, trial.tally, time)
+    ends = judge(task, trial.stage, trial.tally)
     for robot in range(rewards.shape[0]):
         if _is_learning(trial, robot):
             last = minds.decisions.made[robot] - 1

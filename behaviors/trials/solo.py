@@ -17,7 +17,7 @@ from coevo.errors import InputError
 from coevo.skill import ObjectModel, Skill, make_bank
 from coevo.skill.model import INPUTS, MOST_STATES, OBJECT_KINDS
 from coevo.soccer.drive import action_set
-from coevo.soccer.events import EventParams
+from coevo.soccer.events import event_params
 from coevo.stage import RANDOM, STANDING
 
 __all__ = ["blank_skill", "blind_models", "no_start", "provisional_skill", "solo_scene", "task_params"]
@@ -74,10 +74,9 @@ def solo_scene(
     if recipe.mover.kind != "none":
         other = Mind(_NOT_LEARNING, make_table(1, actions))
         parts.append(Part(STANDING, other, mate=0 if mate > 0 else -1, sees=False, guesses=False))
-    gap = recipe.world.physics.contact_gap_m
     hold = recipe.experience.hold_min_steps, recipe.experience.hold_max_steps
     task = task_params(recipe, gathering=role == RANDOM)
-    limits = EventParams(gap, gap, 90)
+    limits = event_params(recipe.world)
     limit = max(recipe.time_limit_steps, recipe.experience.trial_steps if role == RANDOM else 0)
     return make_scene(recipe.world, task, parts, bank, limits, time_limit=limit, hold=hold)
 

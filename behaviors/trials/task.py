@@ -77,19 +77,18 @@ class Tally(NamedTuple):
     """What is counted in a trial.
 
     rewards: (robots, CHANNELS) float64, what each robot did in the last step.
-    passes: (1,) int64, so far. touched: (1,) int64, step of robot 0's last contact with the ball, -1 before the first.
+    passes: (1,) int64, so far.
     nearer: (1,) int64, the robot that started nearer to the ball. trial: (1,) int64, number of the trial.
     """
 
     rewards: NDArray[np.float64]
     passes: NDArray[np.int64]
-    touched: NDArray[np.int64]
     nearer: NDArray[np.int64]
     trial: NDArray[np.int64]
 
 
 @inlined
-def judge(task: TaskParams, stage: Stage, tally: Tally, time: int) -> int:
+def judge(task: TaskParams, stage: Stage, tally: Tally) -> int:
     """Return how the trial stands after a step, and fill the rewards of the robots.
 
     A goal is tested before everything else: the robot that pushed the ball over the line may follow it out.
@@ -97,26 +96,23 @@ def judge(task: TaskParams, stage: Stage, tally: Tally, time: int) -> int:
     tally.rewards.fill(0.0)
     if task.task == PASS_AND_SHOOT:
         return _judge_two(task, stage, tally)
-    return _judge_one(task, stage, tally, time)
+    return _judge_one(task, stage, tally)
 
 
 @inlined
-def _judge_one(task: TaskParams, stage: Stage, tally: Tally, time: int) -> int:
-    body, limits = stage.body, stage.limits
+def _judge_one(task: TaskParams, stage: Stage, tally: Tally) -> int:
+    body = stage.body
+    tally.passes[0] = stage.events.passes[0]
     scored = goal_scored(stage.physics, body.state)
     if task.task == SHOOT and scored == 0:
         tally.rewards[0, SUCCEEDED] = 1.0
         return SUCCESS
-    if in_contact(limits, body.ball_gap[0]):
-        tally.touched[0] = time
-    if body.ball_gap.shape[0] > 1:
-        touched = tally.touched[0]
-        if task.task == PASS and in_contact(limits, body.ball_gap[1]) and touched >= 0 and time - touched <= 90:
-            tally.rewards[0, SUCCEEDED] = 1.0
-            return SUCCESS
-        if in_contact(limits, body.robot_gap[0, 1]):
-            tally.rewards[0, COLLIDED] = 1.0
-            return COLLISION
+    if task.task == PASS and tally.passes[0] > 0:
+        tally.rewards[0, SUCCEEDED] = 1.0
+        return SUCCESS
+    if body.ball_gap.shape[0] > 1 and in_contact(stage.limits, body.robot_gap[0, 1]):
+        tally.rewards[0, COLLIDED] = 1.0
+        return COLLISION
     if task.task == SEARCH and stage.memory.areas[0, BALL] > 0.0:
         tally.rewards[0, SUCCEEDED] = 1.0
         return SUCCESS

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.config import RunSettings
-from coevo.game import Arena, Outcome, SoccerGame
+from coevo.game import Outcome, SoccerGame, programs_of
 from coevo.seeds import RunStream, game_seeds
-from coevo.tree import Program, Tree, compile_program, tree_codes
+from coevo.tree import Tree
 
-__all__ = ["play", "programs_of", "unseen_seeds"]
+__all__ = ["play", "unseen_seeds"]
 
 
 def unseen_seeds(seed: int, games: int) -> NDArray[np.uint64]:
@@ -20,16 +19,6 @@ def unseen_seeds(seed: int, games: int) -> NDArray[np.uint64]:
     return game_seeds(seed, RunStream.UNSEEN, count=games)
 
 
-def programs_of(settings: RunSettings, trees: Sequence[Tree | None]) -> list[Program | None]:
-    """Return flat programs of a team's trees, None for robots that stand."""
-    game = SoccerGame(settings)
-    programs: list[Program | None] = []
-    for robot, tree in enumerate(trees):
-        functions = game.function_set(robot)
-        programs.append(None if tree is None else compile_program(tree_codes(tree, functions), functions))
-    return programs
-
-
-def play(arena: Arena, trees: Sequence[Tree | None], *, games: int, seed: int) -> Outcome:
+def play(game: SoccerGame, trees: Sequence[Tree | None], *, games: int, seed: int) -> Outcome:
     """Play ``games`` unseen games; the same seed is the same games for every team."""
-    return arena.play(programs_of(arena.settings, trees), unseen_seeds(seed, games))
+    return game.arena.play(programs_of(game, trees), unseen_seeds(seed, games))

@@ -16,7 +16,7 @@ from analysis.games import play
 from coevo.config import RunSettings
 from coevo.console import output_options, show, table
 from coevo.errors import InputError
-from coevo.game import Arena
+from coevo.game import SoccerGame
 from coevo.run import Run, open_run
 from coevo.statistics import mean_interval
 from coevo.tree import Tree
@@ -47,7 +47,7 @@ def unseen(*, folders: tuple[Path, ...], games: int, seed: int, as_json: bool, q
         run = open_run(folder)
         if not isinstance(run.config, RunSettings):
             raise InputError(f"{folder} is about another game; this compares games of soccer")
-        arena, last = Arena(run.config), run.finished - 1
+        game, last = SoccerGame(run.config), run.finished - 1
         first_trees, last_trees = _best(run, 0), _best(run, last)
         pairs = {"generation 0": first_trees, f"generation {last}": last_trees}
         teams = {role.team for role in run.game.roles if role.evolves}
@@ -61,7 +61,7 @@ def unseen(*, folders: tuple[Path, ...], games: int, seed: int, as_json: bool, q
             ]
         share: dict[str, float] = {}
         for name, trees in pairs.items():
-            outcome = play(arena, trees, games=games, seed=seed)
+            outcome = play(game, trees, games=games, seed=seed)
             goals, lost = outcome.scorer == 0, outcome.scorer == 1
             share[name] = float(goals.mean() - lost.mean())
             mean, low, high = mean_interval(goals.astype(float))

@@ -16,8 +16,8 @@ import numpy as np
 from coevo.config import RunSettings
 from coevo.evolution.evaluation import Evaluator
 from coevo.evolution.loop import evolve
-from coevo.evolution.population import codes_of, first_population
-from coevo.game import Arena, function_set, warm_up
+from coevo.evolution.population import random_teams
+from coevo.game import SoccerGame, programs_of, warm_up
 from coevo.plain import PlainGame
 from coevo.recipes import read_settings
 from coevo.run import create_run
@@ -25,8 +25,6 @@ from coevo.seeds import RunStream, game_seeds
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params, replay
 from coevo.soccer.world import World
-from coevo.tree import from_codes
-from coevo.tree.program import compile_program
 
 __all__ = ["measure"]
 
@@ -49,17 +47,10 @@ def measure(games: int, plain_games: int, *, tell: Callable[[str], None]) -> dic
     settings = _settings()
     robots = len(settings.players)
     warm_up(settings, tell)
-    arena = Arena(settings)
-    functions = [function_set(robot, robots) for robot in range(robots)]
-    populations = [
-        [
-            codes_of(tree, functions[robot])
-            for tree in first_population(settings.gp, functions[robot], seed=0, robot=robot)
-        ]
-        for robot in range(robots)
-    ]
-    teams = [[populations[robot][i] for robot in range(robots)] for i in range(max(1, games // _GROUP))]
-    programs = [[compile_program(codes, functions[robot]) for robot, codes in enumerate(team)] for team in teams]
+    game = SoccerGame(settings)
+    arena = game.arena
+    teams = random_teams(game, settings.gp, seed=0, teams=max(1, games // _GROUP))
+    programs = [programs_of(game, team) for team in teams]
     seeds = [game_seeds(0, RunStream.BENCH, group, count=_GROUP) for group in range(len(teams))]
 
     tell("Timing compiled games and their physics alone ...")
@@ -88,9 +79,8 @@ def measure(games: int, plain_games: int, *, tell: Callable[[str], None]) -> dic
     plain_seconds, compiled_seconds = 0.0, 0.0
     for i in range(plain_games):
         team = i % len(teams)
-        trees = [from_codes(codes, functions[robot]) for robot, codes in enumerate(teams[team])]
         began = time.perf_counter()
-        plain_outcome, _ = plain.play(trees, seeds[team][i])
+        plain_outcome, _ = plain.play(teams[team], seeds[team][i])
         plain_seconds += (time.perf_counter() - began) / int(plain_outcome.steps[0])
         began = time.perf_counter()
         outcome = arena.play(programs[team], seeds[team][i : i + 1])

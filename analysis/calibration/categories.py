@@ -11,11 +11,10 @@ import numpy as np
 from analysis.games import unseen_seeds
 from coevo.config import RunSettings
 from coevo.console import output_options, show, table
-from coevo.evolution.population import codes_of, first_population
-from coevo.game import Arena, function_set
+from coevo.evolution import random_teams
+from coevo.game import SoccerGame, programs_of
 from coevo.recipes import read_settings
 from coevo.soccer.camera import ROBOTS, camera_params, make_retina, object_count, see
-from coevo.tree import compile_program
 
 __all__ = ["categories"]
 
@@ -44,20 +43,13 @@ def categories(*, recipes: tuple[str, ...], teams: int, seed: int, as_json: bool
     areas: dict[str, list[float]] = {"ball": [], "goal": [], "robot": []}
     for recipe in recipes or ("two-learners", "stationary-opponent", "three-learners"):
         settings = read_settings(RunSettings, recipe)
-        arena, robots = Arena(settings), len(settings.players)
-        functions = [function_set(robot, robots) for robot in range(robots)]
-        populations = [first_population(settings.gp, functions[r], seed=seed, robot=r) for r in range(robots)]
+        game, robots = SoccerGame(settings), len(settings.players)
         camera, retina = camera_params(settings.world), make_retina(settings.world)
         features, seen = np.zeros((object_count(robots), 11)), np.zeros(object_count(robots))
-        for team in range(min(teams, settings.gp.population)):
-            programs = [
-                compile_program(codes_of(populations[r][team], functions[r]), functions[r])
-                if player.control == "evolve"
-                else None
-                for r, player in enumerate(settings.players)
-            ]
+        for team, trees in enumerate(random_teams(game, settings.gp, seed=seed, teams=teams)):
+            programs = programs_of(game, trees)
             for random in unseen_seeds(seed + team, 2):
-                for state in arena.trace(programs, random)[1].states[::10]:
+                for state in game.arena.trace(programs, random)[1].states[::10]:
                     for robot, player in enumerate(settings.players):
                         if player.control == "evolve":
                             see(camera, state, robot, player.team, retina, features, seen)

@@ -9,14 +9,14 @@ from __future__ import annotations
 import click
 import numpy as np
 
-from analysis.games import play, programs_of, unseen_seeds
+from analysis.games import play
 from coevo.config import RunSettings
 from coevo.console import output_options, show, table
-from coevo.evolution.population import codes_of, first_population
-from coevo.game import Arena, function_set
+from coevo.evolution import random_teams
+from coevo.game import SoccerGame
 from coevo.recipes import read_settings
 from coevo.statistics import mean_interval
-from coevo.tree import from_codes, parse
+from coevo.tree import parse
 
 __all__ = ["placement"]
 
@@ -38,7 +38,9 @@ _TEAMS = {
 @click.command()
 @click.argument("recipe")
 @click.option("--games", type=click.IntRange(min=1), default=400, show_default=True, help="A hand-typed team.")
-@click.option("--random-teams", type=click.IntRange(min=1), default=60, show_default=True, help="20 games each.")
+@click.option(
+    "--random-teams", "random_count", type=click.IntRange(min=1), default=60, show_default=True, help="20 games each."
+)
 @click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True)
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Replaces a setting; may be repeated.")
 @output_options
@@ -46,7 +48,7 @@ def placement(
     *,
     recipe: str,
     games: int,
-    random_teams: int,
+    random_count: int,
     seed: int,
     assignments: tuple[str, ...],
     as_json: bool,
@@ -60,7 +62,7 @@ def placement(
     """
     del quiet  # it shows no progress
     settings = read_settings(RunSettings, recipe, assignments)
-    arena, robots = Arena(settings), len(settings.players)
+    game, robots = SoccerGame(settings), len(settings.players)
     rows, data = [], []
     opponents = (
         [None, parse("search"), parse(_SHOOTER)] if robots > 2 and settings.players[2].control == "evolve" else [None]
@@ -70,7 +72,7 @@ def placement(
             if robots > 2 and opponent is None and settings.players[2].control == "evolve":
                 continue
             trees = [parse(team[0]), parse(team[1]), *([opponent] if robots > 2 else [])]
-            outcome = play(arena, trees, games=games, seed=seed)
+            outcome = play(game, trees, games=games, seed=seed)
             goals, lost = outcome.scorer == 0, outcome.scorer == 1
             low, high = mean_interval(goals.astype(float))[1:]
             data.append(
@@ -93,19 +95,8 @@ def placement(
                     f"{20 * outcome.collisions.mean(axis=0).max():.0f}",
                 ]
             )
-    functions = [function_set(robot, robots) for robot in range(robots)]
-    populations = [first_population(settings.gp, functions[r], seed=seed, robot=r) for r in range(robots)]
-    goals_20 = []
-    for i in range(min(random_teams, settings.gp.population)):
-        trees = [
-            from_codes(codes_of(populations[r][i], functions[r]), functions[r])
-            if settings.players[r].control == "evolve"
-            else None
-            for r in range(robots)
-        ]
-        outcome = arena.play(programs_of(settings, trees), unseen_seeds(seed, 20))
-        goals_20.append(outcome.goals_of(0))
-    found = np.array(goals_20)
+    teams = random_teams(game, settings.gp, seed=seed, teams=random_count)
+    found = np.array([play(game, trees, games=20, seed=seed).goals_of(0) for trees in teams])
     header = ["team", "goals", "lost", "steps", "passes r0", "kicks", "collisions"]
     text = (
         f"{recipe}: goals of r0 and r1 in 20 games (95 % interval), {games} games a row\n{table(header, rows)}\n"

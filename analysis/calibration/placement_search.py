@@ -19,7 +19,7 @@ from coevo.config import RunSettings, check, file_kind
 from coevo.console import note, output_options, show, table
 from coevo.errors import InputError
 from coevo.fitness import fixed
-from coevo.game import Arena, StartsDoNotFitError
+from coevo.game import SoccerGame, StartsDoNotFitError
 from coevo.recipes import read_recipe
 from coevo.tree import parse
 
@@ -69,10 +69,10 @@ def _placement(recipe: dict[str, Any], random: np.random.Generator) -> dict[str,
     return {**recipe, "game": game, "players": players}
 
 
-def _worth(arena: Arena, team: tuple[str, str], opponent: str | None, games: int, seed: int) -> _Worth:
-    robots = len(arena.settings.players)
+def _worth(game: SoccerGame, team: tuple[str, str], opponent: str | None, games: int, seed: int) -> _Worth:
+    robots = len(game.settings.players)
     trees = [parse(text) for text in team] + [None if opponent is None else parse(opponent)] * (robots - 2)
-    outcome = play(arena, trees, games=games, seed=seed)
+    outcome = play(game, trees, games=games, seed=seed)
     rows = []
     for limit in _LIMITS:
         played = np.minimum(outcome.steps, limit)
@@ -119,22 +119,22 @@ def placement_search(
     found: list[tuple[float, dict[str, Any]]] = []
     for number in range(candidates):
         data = _placement(plain, random)
-        arena = Arena(check(RunSettings, data, recipe))
+        game = SoccerGame(check(RunSettings, data, recipe))
         try:
-            quick = [_worth(arena, team, opponent, _FIRST_LOOK, seed) for team in (*_ALONE[:2], *_PASSING[:2])]
+            quick = [_worth(game, team, opponent, _FIRST_LOOK, seed) for team in (*_ALONE[:2], *_PASSING[:2])]
         except StartsDoNotFitError:
             continue
         if float((_least(quick[:2]) - _least(quick[2:])).max()) > 2.0:
-            alone = _least([_worth(arena, team, opponent, games, seed) for team in _ALONE])
-            passing = _least([_worth(arena, team, opponent, games, seed) for team in _PASSING])
+            alone = _least([_worth(game, team, opponent, games, seed) for team in _ALONE])
+            passing = _least([_worth(game, team, opponent, games, seed) for team in _PASSING])
             found.append((float((alone - passing).max()), data))
         if (number + 1) % 50 == 0:
             note(f"{number + 1} of {candidates} placements", quiet=quiet)
     rows, told = [], []
     for _, data in sorted(found, key=lambda item: -item[0])[:8]:
-        arena = Arena(check(RunSettings, data, recipe))
-        alone_worth = [_worth(arena, team, opponent, 4 * games, seed + 1) for team in _ALONE]
-        passing_worth = [_worth(arena, team, opponent, 4 * games, seed + 1) for team in _PASSING]
+        game = SoccerGame(check(RunSettings, data, recipe))
+        alone_worth = [_worth(game, team, opponent, 4 * games, seed + 1) for team in _ALONE]
+        passing_worth = [_worth(game, team, opponent, 4 * games, seed + 1) for team in _PASSING]
         gain = _least(alone_worth) - _least(passing_worth)
         at = int(gain.argmax())
         where = [data["game"]["ball_start"], *(player["start"] for player in data["players"][:2])]

@@ -192,10 +192,7 @@ def _play_soccer(
 
 def best_programs(run: Run, generation: int) -> list[Program | None]:
     """Return the programs of the best trees of a generation, None for roles without one."""
-    from coevo.tree import compile_program, tree_codes
+    from coevo.game import programs_of
 
-    programs: list[Program | None] = [None] * len(run.game.roles)
-    for role, name in run.evolving.items():
-        functions = run.game.function_set(role)
-        programs[role] = compile_program(tree_codes(run.tree(name, generation), functions), functions)
-    return programs
+    names = [run.evolving.get(role) for role in range(len(run.game.roles))]
+    return programs_of(run.game, [None if name is None else run.tree(name, generation) for name in names])

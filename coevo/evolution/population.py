@@ -10,10 +10,11 @@ from deap import base, gp, tools
 from numpy.typing import NDArray
 
 from coevo.config import GPSettings
+from coevo.game import Game
 from coevo.seeds import RunStream, global_random
-from coevo.tree import FunctionSet
+from coevo.tree import FunctionSet, Tree, from_codes
 
-__all__ = ["Individual", "breed", "codes_of", "first_population", "individual_of"]
+__all__ = ["Individual", "breed", "codes_of", "first_population", "individual_of", "random_teams"]
 
 
 class _Fitness(base.Fitness):  # type: ignore[misc]  # DEAP carries no types
@@ -47,6 +48,25 @@ def first_population(settings: GPSettings, functions: FunctionSet, *, seed: int,
     primitives, low, high = functions.primitives, settings.creation_depth_min, settings.creation_depth_max
     with global_random(seed, RunStream.CREATION, robot):
         return [Individual(gp.genHalfAndHalf(primitives, low, high)) for _ in range(settings.population)]
+
+
+def random_teams(game: Game, settings: GPSettings, *, seed: int, teams: int) -> list[list[Tree | None]]:
+    """Return teams of what a run of this seed begins with: for each role that evolves a tree, None for the others.
+
+    Args:
+        game: says who plays and what trees are made of.
+        settings: Table 6.3; a population has ``settings.population`` individuals.
+        seed: of the run.
+        teams: how many, and no more than a population has.
+    """
+    roles = range(len(game.roles))
+    functions = {role: game.function_set(role) for role in roles if game.roles[role].evolves}
+    first = {role: first_population(settings, of, seed=seed, robot=role)[:teams] for role, of in functions.items()}
+    size = min(teams, settings.population)
+    return [
+        [None if r not in first else from_codes(codes_of(first[r][i], functions[r]), functions[r]) for r in roles]
+        for i in range(size)
+    ]
 
 
 def breed(

@@ -1,7 +1,7 @@
 """Games that trees play: the contract of a game, and soccer."""
 
 from coevo.game.arena import Arena, Outcome, StartsDoNotFitError, Trace, load_bank, warm_up
-from coevo.game.contract import Game, Played, Role, check_game, check_played, teams_of
+from coevo.game.contract import Game, Played, Role, check_game, check_played, programs_of, teams_of
 from coevo.game.make import check_playable, make_game, own_references, prepare
 from coevo.game.soccer import SoccerGame, function_set
 
@@ -22,6 +22,7 @@ __all__ = [
     "make_game",
     "own_references",
     "prepare",
+    "programs_of",
     "teams_of",
     "warm_up",
 ]

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.errors import InputError
-from coevo.tree import FunctionSet, Program
+from coevo.tree import FunctionSet, Program, Tree, compile_program, tree_codes
 
-__all__ = ["Game", "Played", "Role", "check_game", "check_played", "teams_of"]
+__all__ = ["Game", "Played", "Role", "check_game", "check_played", "programs_of", "teams_of"]
 
 _NAME = re.compile(r"[A-Za-z]\w{0,31}", re.ASCII)
 # Columns of a run folder that are not counts of a game.
@@ -82,6 +82,20 @@ class Game(Protocol):
 def teams_of(game: Game) -> tuple[int, ...]:
     """Return the numbers of the teams, ascending."""
     return tuple(sorted({role.team for role in game.roles}))
+
+
+def programs_of(game: Game, trees: Sequence[Tree | None]) -> list[Program | None]:
+    """Return the programs of trees, one for each role, None for roles that have no tree.
+
+    Raises:
+        InputError: a tree asks or chooses what its role does not know.
+    """
+    programs: list[Program | None] = [None] * len(trees)
+    for role, tree in enumerate(trees):
+        if tree is not None:
+            functions = game.function_set(role)
+            programs[role] = compile_program(tree_codes(tree, functions), functions)
+    return programs
 
 
 def check_game(game: Game, what: str) -> None:

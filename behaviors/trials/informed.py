@@ -26,6 +26,8 @@ _PUSH_M = 0.6  # how far ahead it heads while it pushes
 _ROUND_M = 0.35  # free space it keeps while it drives around the ball
 _NEAR_WALL_M = 0.6
 _FAR_ENOUGH_M = 1.5  # from the other robot
+_WELL_AIMED = 0.8  # part of the radii within which a ball must roll past the mate's centre
+_FAR_ENOUGH = 1.2  # times the way to the mate that a ball must be able to roll
 
 
 @helper
@@ -61,13 +63,28 @@ def _waypoint(physics: PhysicsParams, state: NDArray[np.float64], aim_x: float, 
 
 
 @helper
+def _rolls_to_mate(physics: PhysicsParams, state: NDArray[np.float64]) -> bool:
+    """Tell whether the ball would reach the mate, robot 1, if nobody touched it any more."""
+    ball = state.shape[0] - 1
+    to_x, to_y = state[1, 0] - state[ball, 0], state[1, 1] - state[ball, 1]
+    speed = math.hypot(state[ball, 3], state[ball, 4])
+    if speed <= 0.0:
+        return False
+    along = (to_x * state[ball, 3] + to_y * state[ball, 4]) / speed
+    aside = abs(to_x * state[ball, 4] - to_y * state[ball, 3]) / speed
+    touch = physics.robot_radius + physics.ball_radius
+    reach = 0.5 * speed * speed * physics.substep_s / physics.ball_slowing
+    return along > 0.0 and aside < _WELL_AIMED * touch and reach > _FAR_ENOUGH * (along - touch)
+
+
+@helper
 def informed_action(
     task: TaskParams, physics: PhysicsParams, state: NDArray[np.float64], commands: NDArray[np.float64]
 ) -> int:
     """Return the learner's action.
 
     shoot, pass: it drives behind the ball as seen from the middle of the goal or from the mate, around the ball if it
-    stands before it, and pushes. avoid: it gets away from the other robot and keeps off the walls. search: it turns to
+    stands before it, and pushes; it backs away from a ball that will roll to the mate. avoid: it gets away from the other robot and keeps off the walls. search: it turns to
     the ball.
 
     Args:
@@ -80,6 +97,7 @@ def informed_action(
     if task.task == PASS:
         aim_x, aim_y = state[1, 0], state[1, 1]
     to_x, to_y = state[ball, 0], state[ball, 1]
+    let_go = task.task == PASS and _rolls_to_mate(physics, state)
     if task.task < AVOID:
         to_x, to_y = _waypoint(physics, state, aim_x, aim_y)
     wanted = math.atan2(to_y - state[0, 1], to_x - state[0, 0])
@@ -90,6 +108,8 @@ def informed_action(
         middle = state[0, 2] + 0.5 * turn * _AHEAD_S
         if task.task == SEARCH:
             cost = abs(error)
+        elif let_go:
+            cost = speed + abs(turn)  # back, as straight as it can
         elif task.task == AVOID:
             x = state[0, 0] + speed * _AHEAD_S * math.cos(middle)
             y = state[0, 1] + speed * _AHEAD_S * math.sin(middle)

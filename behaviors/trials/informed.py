@@ -84,8 +84,8 @@ def informed_action(
     """Return the learner's action.
 
     shoot, pass: it drives behind the ball as seen from the middle of the goal or from the mate, around the ball if it
-    stands before it, and pushes; it backs away from a ball that will roll to the mate. avoid: it gets away from the other robot and keeps off the walls. search: it turns to
-    the ball.
+    stands before it, and pushes; it backs away from a ball that will roll to the mate. avoid: it gets away from the
+    other robot and keeps off the walls. search: it turns to the ball.
 
     Args:
         task, physics: numbers of the task and the world.

@@ -44,7 +44,7 @@ Report = dict[str, tuple[list[str], Rows]]  # name of a table: its header and ro
 
 @dataclass(frozen=True)
 class Method:
-    """The finished sets of one method: for each its summary, the rows of its trials, and those of its error traces.
+    """The finished sets of one method: for each its summary, rows of trials, of error traces, and of checks.
 
     trials: (trials, 3) int64 each: how it ended, passes, steps. periods: (trials,) each, the name of the period.
     """
@@ -54,6 +54,7 @@ class Method:
     periods: list[NDArray[np.str_]]
     trials: list[NDArray[np.int64]]
     traces: list[list[dict[str, str]]]
+    checks: list[list[dict[str, str]]]
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
@@ -80,6 +81,7 @@ def read_methods(folder: Path) -> list[Method]:
                 [np.array([row["period"] for row in rows]) for rows in trials],
                 [np.array([[int(row[k]) for k in ("end", "passes", "steps")] for row in rows]) for rows in trials],
                 [_rows(one / "errors.csv") for one in sets],
+                [_rows(one / "checks.csv") for one in sets],
             )
         )
     if not methods:
@@ -206,6 +208,26 @@ def periods(methods: Sequence[Method]) -> Report:
     return {"periods": (["method", "last tenth of", *_KEYS], rows)}
 
 
+def within(methods: Sequence[Method]) -> Report:
+    """Return how the greedy policies change within each period: the last fifth of its checks less the first.
+
+    All checks of a period play the same starts, without the exploration that falls while a robot learns.
+    """
+    rows: Rows = []
+    for method in methods:
+        for period in dict.fromkeys(row["period"] for row in method.checks[0]):
+            changes: dict[str, list[float]] = {key: [] for key in _KEYS}
+            for checks in method.checks:
+                mine = [row for row in checks if row["period"] == period]
+                part = max(1, len(mine) // 5)
+                for key, found in changes.items():
+                    shares = [float(row[key]) for row in mine]
+                    found.append(float(np.mean(shares[-part:]) - np.mean(shares[:part])))
+            told = [_interval(found, least=-1.0, most=1.0) for found in changes.values()]
+            rows.append([method.name, period, *told])
+    return {"within": (["method", "greedy policies, last less first fifth of", *_KEYS], rows)}
+
+
 def _curves(method: Method, key: str) -> Line:
     """Return the share of successes in each block of trials in simulation, with its interval over sets."""
     shares = []
@@ -307,6 +329,7 @@ def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> Non
     out = out or folder / "report"
     shown = (
         periods(methods)
+        | within(methods)
         | afterwards(methods)
         | differences(methods)
         | other_world(methods)

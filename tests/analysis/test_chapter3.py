@@ -33,6 +33,10 @@ def folder(tmp_path):
         lines += [f"E,0,{int(n < 10 * share)},9" for n in range(10)]
         (path / "trials.csv").write_text("\n".join(lines) + "\n")
         (path / "errors.csv").write_text("where,robot,object,step,error_px\nsimulation,passer,ball,1,0.5\n")
+        checks = [f"C,{n},{share * n / 10},{1 - n / 10},0.25,9,0" for n in range(10)]
+        (path / "checks.csv").write_text(
+            "\n".join(["period,trials,passing,shooting,collisions,steps,kept", *checks]) + "\n"
+        )
         common = {"robot": "passer", "object": "ball"}
         model = {
             "period": "A",
@@ -81,6 +85,16 @@ def test_tables_hold_means_and_student_s_intervals_over_sets(folder):
     order = rows(folder / "report" / "table-3-2.csv")[0]
     assert (order["order"], order["chosen order"], order["kept"]) == ("3", "5", "0 of 3")
     assert "57/100" in result.output
+
+
+def test_what_changes_within_a_period_is_told_of_greedy_policies(folder):
+    CliRunner().invoke(report, [str(folder)])
+    (row,) = rows(folder / "report" / "within.csv")
+    changes = [0.8 * share for share in PASSING]  # checks 8 and 9 less checks 0 and 1, each check a tenth more
+    low, high = stats.t.interval(0.95, 2, np.mean(changes), stats.sem(changes))
+    assert row["passing"] == f"{np.mean(changes):.3f} [{max(low, -1.0):.3f}, {min(high, 1.0):.3f}]"
+    assert row["shooting"] == "-0.800 [-0.800, -0.800]"
+    assert row["collisions"] == "0.000 [0.000, 0.000]"
 
 
 def test_curves_are_shares_of_blocks_in_simulation_only(folder):

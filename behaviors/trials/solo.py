@@ -72,7 +72,7 @@ def solo_scene(
     mate = 1 if recipe.task == "pass" else -1
     parts = [Part(role, mind, mate=mate, guesses=role != RANDOM)]
     if recipe.mover.kind != "none":
-        other = Mind(_NOT_LEARNING, make_table(1, actions))
+        other = Mind(_NOT_LEARNING, make_table(1, table.values.shape[1]))  # tables of a scene are of one width
         parts.append(Part(STANDING, other, mate=0 if mate > 0 else -1, sees=False, guesses=False))
     gap = recipe.world.physics.contact_gap_m
     hold = recipe.experience.hold_min_steps, recipe.experience.hold_max_steps

@@ -135,7 +135,7 @@ def test_fewer_steps_to_the_goal_are_where_a_skill_values_a_state_more():
 def test_no_start_is_said(start):
     blind = msgspec.structs.replace(recipe().world.camera, tilt_deg=-50.0, vertical_view_deg=10.0)
     hidden = msgspec.structs.replace(recipe(), world=msgspec.structs.replace(recipe().world, camera=blind))
-    learner = make_learner(hidden.learning)
+    learner = make_learner(hidden.learning)._replace(follows=True, easy_share=0.0)
     trials = solo_scene(hidden, start.skill, LEARNER, learner=learner, table=start.table())
     assert trials.run(np.zeros(1, np.uint64)) is None
     assert not trials.minds[0].table.visits.any()

@@ -1,38 +1,22 @@
-"""The periods of chapter 3: who stores, renews and learns when (Table 3.1), and sets as files."""
+"""The periods of chapter 3: who stores, renews and learns when (Table 3.1), what is kept, measured and told."""
 
 from __future__ import annotations
 
-import csv
-import json
-import shutil
-
 import numpy as np
 import pytest
-from behaviors.pair.agents import PERIODS
-from behaviors.pair.data import FIXED
-from behaviors.pair.recipe import read_schedule, transfer_world
-from behaviors.pair.schedule import Schooling
-from click.testing import CliRunner
 
-from behaviors.studies.chapter3 import chapter3
-from behaviors.tabular.table import make_table
+from behaviors.schedule.agents import NAMES, PERIODS, new_agents
+from behaviors.schedule.course import Course
+from behaviors.schedule.models import stored_stretches
+from behaviors.schedule.recipe import read_schedule, transfer_world
+from behaviors.schedule.scene import pair_scene
+from behaviors.trials.task import COLLISION, SUCCESS
 from coevo.errors import InputError
 from coevo.recipes import recipe_names
-from coevo.skill import load_skill
 from coevo.soccer.drive import action_set
+from coevo.stage import LEARNER, SKILL
 
-SMALL = (
-    "trials=60",
-    "games=20",
-    "time_limit_steps=100",
-    "experience.windows=300",
-    "store.steps=3000",
-    "store.least_windows=100",
-    "store.report_orders=false",
-    "transfer.trials_e=1",
-    "transfer.trials_f=1",
-    *(f"{who}.learning.{what}" for who in ("passer", "shooter") for what in ("check_every=50", "check_games=10")),
-)
+CENTRE_Y = 1
 
 
 def known(agent):
@@ -40,6 +24,14 @@ def known(agent):
     models = b"".join(model.memory_matrix.tobytes() for model in agent.models)
     values = b"" if agent.values is None else agent.values.tobytes()
     return {"models": models, "values": values, "store": b"".join(part.tobytes() for part in agent.store)}
+
+
+class Watched(Course):
+    """A set that remembers what its robots knew before they were measured, which fills their stores anew."""
+
+    def afterwards(self, games):
+        self.at_the_end = [known(agent) for agent in self.agents]
+        return super().afterwards(games)
 
 
 # What changes in each period: Table 3.1, and for the shooter in B "store and update".
@@ -52,102 +44,159 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("reuse", ["mixture", "cold", "copy"])
-def test_what_changes_in_a_period_is_what_table_3_1_says(reuse):
-    one = Schooling(read_schedule("chapter3/schedule", [*SMALL, f"reuse={reuse}", "fixed_epsilon=0.5"]), 3)
-    for period in PERIODS["scheduled"]:
+def test_what_changes_in_a_period_is_what_table_3_1_says(small_schedule, reuse):
+    one = Watched(small_schedule(f"reuse={reuse}", "fixed_epsilon=0.5"), 3)
+    for name in "ABCD":
         before = [known(agent) for agent in one.agents]
-        one.learn((period,))
-        after = [known(agent) for agent in one.agents]
+        assert one.advance() == (name, 60, 60)
+        after = one.at_the_end if name == "D" else [known(agent) for agent in one.agents]
         found = tuple({key for key in b if a[key] != b[key]} for a, b in zip(before, after, strict=True))
-        assert found == CHANGES[period.name], period.name
-        learner = one.agents[0 if period.name in "AC" else 1]
-        assert (learner.old is not None) == (reuse == "mixture" and period.name in "CD")
-    assert set(one.gathered) == {"A", "B"}
-    assert [len(one.trials[p].ends) for p in "ABCD"] == [60] * 4
+        assert found == CHANGES[name], name
+        learner = one.agents[0 if name in "AC" else 1]
+        assert (learner.old is not None) == (reuse == "mixture" and name in "CD")
+    assert one.is_finished
+    assert set(one.told["gathered"]) == {"A", "B"}
+    assert [(name, len(found.ends)) for name, found in one.results.items()] == [(name, 60) for name in "ABCD"]
+
+
+def test_in_e_and_f_both_learn_and_f_begins_with_new_models_and_the_old_values(small_schedule):
+    changes = ("transfer.trials_e=11", "transfer.trials_f=5", "transfer.camera=analytic", "time_limit_steps=100")
+    one = Course(small_schedule(*changes), 3)
+    while one.advance()[0] != "D":
+        pass
+    told, blocks = [known(agent) for agent in one.agents], []
+    while not one.is_finished:
+        blocks.append(one.advance())
+        now = [known(agent) for agent in one.agents]
+        if blocks[-1][0] == "E":
+            assert [a["models"] == b["models"] for a, b in zip(told, now, strict=True)] == [True, True]
+            assert [a["store"] == b["store"] for a, b in zip(told, now, strict=True)] == [False, False]
+        else:
+            renewed = {row["robot"] for row in one.told["models"] if row["period"] == "F" and not row["kept"]}
+            changed = {n for n, a, b in zip(NAMES, told, now, strict=True) if a["models"] != b["models"]}
+            assert changed == renewed
+    assert blocks == [("E", 10, 11), ("E", 11, 11), ("F", 5, 5)]
+    assert all(agent.old is None for agent in one.agents)
 
 
 def test_a_pass_is_what_the_rules_of_the_world_say_in_both_worlds():
-    schedule = read_schedule(
-        "chapter3/schedule", ["world.rules.pass_window_s=1.0", "world.rules.collision_release_m=0.1"]
-    )
+    changes = ["world.rules.pass_window_s=1.0", "world.rules.collision_release_m=0.1"]
+    schedule = read_schedule("chapter3/schedule", changes)
     for world in (schedule.world, transfer_world(schedule)):
-        one = Schooling(schedule, 3, world=world)
-        tables = [make_table(1, len(action_set(world.robot).codes)) for _ in one.agents]
-        assert one.pair((FIXED, FIXED), tables).limits == (0.004, 0.1, 30)
+        scene = pair_scene(schedule, world, new_agents(schedule), (SKILL, SKILL))
+        assert scene.venue.stage.limits == (0.004, 0.1, 30)
 
 
-def test_with_simultaneous_learning_both_learn_in_as_many_trials():
-    one = Schooling(read_schedule("chapter3/simultaneous", SMALL), 3)
-    one.learn(PERIODS["simultaneous"])
+def test_with_simultaneous_learning_both_learn_in_as_many_trials(small_schedule):
+    one = Course(small_schedule(name="chapter3/simultaneous"), 3)
+    while not one.is_finished:
+        one.advance()
+    assert [period.name for period in PERIODS["simultaneous"]] == list(one.results) == ["S"]
     assert all(agent.values is not None and agent.values.any() for agent in one.agents)
-    assert len(one.trials["S"].ends) == 240
+    assert len(one.results["S"].ends) == 240
 
 
-def files(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+# ------------------------------------------------------------------------------------------------ which table is kept
 
 
-def run(out, *options, recipe="schedule"):
-    changes = [part for change in SMALL for part in ("--set", change)]
-    return CliRunner().invoke(chapter3, [f"chapter3/{recipe}", "--out", str(out), *changes, *options])
+def worth(schedule, period, row):
+    """Return the mean reward of the robots that learn in a period, in words of 3.5.1: passes, goals, collisions."""
+    learners = {"A": "p", "B": "s", "C": "p", "D": "s", "S": "ps"}[period]
+    task = {"p": row["passing"] * schedule.pass_reward, "s": row["shooting"] * schedule.goal_reward}
+    return sum(task[who] + row["collisions"] * schedule.collision_reward for who in learners)
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    out = tmp_path_factory.mktemp("one-worker")
-    result = run(out, "--sets", "2", "--workers", "1")
-    assert result.exit_code == 0, result.output
-    return out
+@pytest.mark.parametrize(("name", "total"), [("chapter3/schedule", 1500), ("chapter3/simultaneous", 4000)])
+def test_of_all_late_tables_those_that_did_best_in_the_checks_are_kept(small_schedule, name, total):
+    trials = total if name == "chapter3/schedule" else total // 4
+    often = [
+        f"{who}.learning.{what}" for who in ("passer", "shooter") for what in ("check_every=250", "check_games=20")
+    ]
+    schedule = small_schedule(f"trials={trials}", "pass_reward=0.7", "time_limit_steps=100", *often, name=name)
+    one, worse = Course(schedule, 4), 0
+    for period in PERIODS[schedule.periods]:
+        one.advance()
+        practice, tables = one._practice, {}
+        while True:
+            tables[practice.at.done] = practice.values_now()
+            if practice.is_finished:
+                break
+            one.advance()
+        best, kept = -np.inf, 0
+        rows = [row for row in one.told["checks"] if row["period"] == period.name]
+        assert [row["trials"] for row in rows] == list(range(250, total + 1, 250))
+        for row in rows:
+            now, late = worth(schedule, period.name, row), row["trials"] >= 0.3 * total
+            assert row["kept"] == int(late and now >= best)
+            worse += late and now < best
+            best, kept = (now, row["trials"]) if row["kept"] else (best, kept)
+        learners = [n for n, duty in enumerate(period.duties) if duty.role == LEARNER]
+        for n, values in zip(learners, tables[kept], strict=True):
+            assert np.array_equal(one.agents[n].values, values)
+    assert worse > 0
+    assert one.is_finished
 
 
-def test_the_number_of_workers_changes_no_byte(finished, tmp_path):
-    assert run(tmp_path, "--sets", "2", "--workers", "2").exit_code == 0
-    assert files(tmp_path) == files(finished)
-    first, second = ((finished / "schedule" / f"set-0{n}" / "trials.csv").read_bytes() for n in range(2))
-    assert first != second
+# --------------------------------------------------------------------------------------------- what comes after the end
 
 
-def test_a_set_says_what_its_rows_say(finished):
-    folder = finished / "schedule" / "set-00"
-    told = json.loads((folder / "set.json").read_text(encoding="utf-8"))
-    with (folder / "trials.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["period"] for row in rows] == [p for p in "ABCD" for _ in range(60)] + [*"EF"]
-    for period, numbers in told["periods"].items():
-        mine = [row for row in rows if row["period"] == period]
-        assert numbers["trials"] == len(mine)
-        assert numbers["passing"] == pytest.approx(np.mean([int(row["passes"]) > 0 for row in mine]))
-        assert numbers["shooting"] == pytest.approx(np.mean([row["end"] == "1" for row in mine]))
-    assert {row["nearer"] for row in rows} == {"passer", "shooter"}
-    after = told["after"]
-    parts = after["nearer"].values()
-    assert sum(part["games"] for part in parts) == after["games"] == 20
-    assert sum(part["games"] * part["passing"] for part in parts) == pytest.approx(20 * after["passing"])
-    assert {row["period"] for row in told["models"]} == set("ABCDF")
-    for name, states in told["states"].items():
-        assert len(load_skill(folder / f"{name}.npz").values) == states
+def test_after_the_schedule_both_robots_do_what_their_tables_value_most(small_schedule):
+    # However random they were while they were fixed, and while they learned.
+    one = Course(small_schedule("fixed_epsilon=0.5"), 1)
+    while not one.is_finished:
+        one.advance()
+    codes = action_set(one.schedule.world.robot).codes
+    for agent, action in zip(one.agents, (3, 5), strict=True):
+        agent.values = np.zeros_like(agent.values)
+        agent.values[:, action] = 1.0
+    found = one.afterwards(20)
+    assert len(found.ends) == 20
+    for agent, action in zip(one.agents, (3, 5), strict=True):
+        rows = int(agent.store.written[0])
+        assert rows == found.steps.sum()
+        assert (agent.store.inputs[:rows] == codes[action]).all()
 
 
-def test_finished_sets_are_not_run_again(finished, tmp_path):
-    before = {path: path.stat().st_mtime_ns for path in (finished / "schedule").glob("set-*/*")}
-    result = run(finished, "--sets", "2")
-    assert result.exit_code == 0
-    assert "0 sets to run, 2 are finished" in result.output
-    assert {path: path.stat().st_mtime_ns for path in (finished / "schedule").glob("set-*/*")} == before
-    other = run(finished, "--sets", "2", "--set", "trials=61")
-    assert isinstance(other.exception, InputError)
-    assert "holds sets of other settings" in str(other.exception)
-    assert tmp_path.exists()
+def test_what_is_told_after_the_schedule_is_that_of_greedy_trials(small_schedule):
+    one = Course(small_schedule(), 1)
+    while not one.is_finished:
+        one.advance()
+    told = one.told["after"]
+    found = one.afterwards(20)  # the same trials once more
+    assert told["games"] == 20
+    assert told["passing"] == np.mean(found.passes > 0)
+    assert told["shooting"] == np.mean(found.ends == SUCCESS)
+    assert told["collisions"] == np.mean(found.ends == COLLISION)
+    assert told["steps"] == np.mean(found.steps)
 
 
-def test_a_set_that_fails_is_told_and_leaves_the_others(finished, tmp_path):
-    shutil.copytree(finished / "schedule" / "set-00", tmp_path / "schedule" / "set-00")
-    result = run(tmp_path, "--sets", "2", "--set", "store.least_windows=2990")
-    assert result.exit_code == 1
-    assert "failed: schedule set 1: schedule: random actions brought" in result.output
-    assert "raise store.steps, or lower store.least_windows" in result.output
-    assert "Traceback" not in result.output
-    assert [path.name for path in (tmp_path / "schedule").glob("set-*")] == ["set-00"]
+def test_prediction_errors_are_of_what_was_stored_in_greedy_trials(small_schedule):
+    one = Course(small_schedule(), 1)
+    while not one.is_finished:
+        one.advance()
+    told = {(row["robot"], row["object"]): row for row in one.told["errors"]}
+    assert {name for name, _ in told} == set(NAMES)
+    for agent in one.agents:
+        for kind, model in agent.predictors.items():
+            parts = [(seen - model.predict(u, seen))[:, CENTRE_Y] for u, seen in stored_stretches(agent.store, kind)]
+            error = np.concatenate(parts)
+            error = error[np.isfinite(error)]
+            row = told[agent.name, kind]
+            assert row["windows"] == len(error)
+            assert row["rms_px"] == pytest.approx(np.sqrt(np.mean(error**2)))
+    for row in one.told["exchange"]:
+        agent = one.agents[NAMES.index(row["robot"])]
+        other = one.agents[1 - agent.number].predictors[row["object"]]
+        parts = [
+            (seen - other.predict(u, seen))[:, CENTRE_Y] for u, seen in stored_stretches(agent.store, row["object"])
+        ]
+        error = np.concatenate(parts)
+        theirs = np.sqrt(np.nanmean(error**2))
+        assert row["error_ratio"] == pytest.approx(theirs / told[row["robot"], row["object"]]["rms_px"])
+    assert len(one.told["exchange"]) >= 2
+
+
+# ------------------------------------------------------------------------------------------------------------- recipes
 
 
 @pytest.mark.parametrize(

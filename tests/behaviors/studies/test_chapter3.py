@@ -1,0 +1,95 @@
+"""Sets of chapter 3 as files: the same whatever runs them, finished or failed, and gone on with after a stop."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from behaviors.studies.chapter3 import chapter3
+from coevo.errors import InputError
+from coevo.skill import load_skill
+
+SMALL = (
+    "trials=60",
+    "games=20",
+    "time_limit_steps=100",
+    "experience.windows=300",
+    "store.steps=3000",
+    "store.least_windows=100",
+    "store.report_orders=false",
+    "transfer.trials_e=1",
+    "transfer.trials_f=1",
+    *(f"{who}.learning.{what}" for who in ("passer", "shooter") for what in ("check_every=50", "check_games=10")),
+)
+
+
+def files(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def run(out, *options, recipe="schedule"):
+    changes = [part for change in SMALL for part in ("--set", change)]
+    return CliRunner().invoke(chapter3, [f"chapter3/{recipe}", "--out", str(out), *changes, *options])
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    out = tmp_path_factory.mktemp("one-worker")
+    result = run(out, "--sets", "2", "--workers", "1")
+    assert result.exit_code == 0, result.output
+    return out
+
+
+def test_the_number_of_workers_changes_no_byte(finished, tmp_path):
+    assert run(tmp_path, "--sets", "2", "--workers", "2").exit_code == 0
+    assert files(tmp_path) == files(finished)
+    first, second = ((finished / "schedule" / f"set-0{n}" / "trials.csv").read_bytes() for n in range(2))
+    assert first != second
+
+
+def test_a_set_says_what_its_rows_say(finished):
+    folder = finished / "schedule" / "set-00"
+    told = json.loads((folder / "set.json").read_text(encoding="utf-8"))
+    with (folder / "trials.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["period"] for row in rows] == [p for p in "ABCD" for _ in range(60)] + [*"EF"]
+    for period, numbers in told["periods"].items():
+        mine = [row for row in rows if row["period"] == period]
+        assert numbers["trials"] == len(mine)
+        assert numbers["passing"] == pytest.approx(np.mean([int(row["passes"]) > 0 for row in mine]))
+        assert numbers["shooting"] == pytest.approx(np.mean([row["end"] == "1" for row in mine]))
+    assert {row["nearer"] for row in rows} == {"passer", "shooter"}
+    after = told["after"]
+    parts = after["nearer"].values()
+    assert sum(part["games"] for part in parts) == after["games"] == 20
+    assert sum(part["games"] * part["passing"] for part in parts) == pytest.approx(20 * after["passing"])
+    assert {row["period"] for row in told["models"]} == set("ABCDF")
+    for name, states in told["states"].items():
+        assert len(load_skill(folder / f"{name}.npz").values) == states
+
+
+def test_finished_sets_are_not_run_again(finished, tmp_path):
+    before = {path: path.stat().st_mtime_ns for path in (finished / "schedule").glob("set-*/*")}
+    result = run(finished, "--sets", "2")
+    assert result.exit_code == 0
+    assert "0 sets to run, 2 are finished" in result.output
+    assert {path: path.stat().st_mtime_ns for path in (finished / "schedule").glob("set-*/*")} == before
+    other = run(finished, "--sets", "2", "--set", "trials=61")
+    assert isinstance(other.exception, InputError)
+    assert "holds sets of other settings" in str(other.exception)
+    assert tmp_path.exists()
+
+
+def test_a_set_that_fails_is_told_and_leaves_the_others(finished, tmp_path):
+    shutil.copytree(finished / "schedule" / "set-00", tmp_path / "schedule" / "set-00")
+    result = run(tmp_path, "--sets", "2", "--set", "store.least_windows=2990")
+    assert result.exit_code == 1
+    assert "failed: schedule set 1: schedule: random actions brought" in result.output
+    assert "raise store.steps, or lower store.least_windows" in result.output
+    assert "Traceback" not in result.output
+    assert [path.name for path in (tmp_path / "schedule").glob("set-*")] == ["set-00"]

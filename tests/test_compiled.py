@@ -20,7 +20,7 @@ from numba.core.registry import CPUDispatcher
 import behaviors
 import coevo
 from coevo import compiled
-from coevo.compiled import borrowed, cache_folder, entry, helper, is_compiled
+from coevo.compiled import borrowed, cache_folder, entry, helper, inlined, is_compiled
 
 ROOT = Path(coevo.__file__).parents[1]
 PACKAGES = ("coevo", "behaviors")
@@ -71,10 +71,15 @@ def test_the_folder_is_that_of_these_sources(sources):
         "coevo/skill/estimate.py",
         "coevo/skill/model.py",
         "coevo/tree/program.py",
-        "coevo/game.py",
+        "coevo/game/kernels.py",
+        "coevo/game/conditions.py",
+        "coevo/stage/kernels.py",
+        "coevo/stage/loop.py",
+        "coevo/stage/roles.py",
         "coevo/compiled.py",
-        "behaviors/alone/trials.py",
-        "behaviors/alone/task.py",
+        "behaviors/tabular/qlearning.py",
+        "behaviors/trials/kernels.py",
+        "behaviors/trials/task.py",
     ],
 )
 def test_an_edit_of_a_kernels_source_changes_the_folder_and_taking_it_back_restores_it(sources, kernel):
@@ -92,22 +97,47 @@ def test_new_and_removed_kernels_change_the_folder(sources):
     assert with_wind != before
     (sources / "coevo" / "soccer" / "wind.py").rename(sources / "coevo" / "soccer" / "gale.py")
     assert folder_now() not in (before, with_wind)
-    (sources / "behaviors" / "extra.py").write_text("from coevo.compiled import helper\n", encoding="utf-8")
-    assert folder_now() != with_wind
-    (sources / "behaviors" / "extra.py").unlink()
     (sources / "coevo" / "soccer" / "gale.py").unlink()
     assert folder_now() == before
 
 
-def test_what_compiled_learning_takes_its_names_from_is_in_the_digest(sources):
+@pytest.mark.parametrize("numbers", ["coevo/stage/data.py", "behaviors/trials/minds.py", "coevo/skill/bank.py"])
+def test_what_compiled_code_takes_its_names_and_numbers_from_is_in_the_digest(sources, numbers):
     before = folder_now()
-    # It compiles nothing itself, but its numbers are compiled into pair/trial.py.
-    append(sources / "behaviors" / "pair" / "data.py")
+    append(sources / numbers)
     assert folder_now() != before
 
 
+def test_the_list_names_what_is_there_and_is_all_that_counts(sources, monkeypatch):
+    listed = [ROOT / name for name in compiled.KERNEL_SOURCES]
+    assert all(path.exists() for path in listed)
+    assert len(set(listed)) == len(listed)
+    expected = {path for path in listed if path.is_file()}
+    expected |= {path for folder in listed if folder.is_dir() for path in folder.rglob("*.py")}
+    found = [path.relative_to(sources).as_posix() for path in compiled._kernel_files()]
+    assert sorted(found) == sorted(path.relative_to(ROOT).as_posix() for path in expected)
+    before = folder_now()
+    extra = sources / "behaviors" / "extra.py"  # whatever it imports
+    extra.write_text("from coevo.compiled import helper\n", encoding="utf-8")
+    assert folder_now() == before
+    monkeypatch.setattr(compiled, "KERNEL_SOURCES", (*compiled.KERNEL_SOURCES, "behaviors/extra.py"))
+    with_extra = folder_now()
+    assert with_extra != before
+    append(extra)
+    assert folder_now() != with_extra
+    extra.unlink()
+    assert folder_now() == before
+
+
 @pytest.mark.parametrize(
-    "other", ["coevo/cli/__init__.py", "coevo/run.py", "behaviors/studies/chapter3.py", "behaviors/cards.py"]
+    "other",
+    [
+        "coevo/cli/__init__.py",
+        "coevo/run.py",
+        "behaviors/practice.py",
+        "behaviors/schedule/course.py",
+        "coevo/config/world.py",
+    ],
 )
 def test_an_edit_of_what_is_not_compiled_keeps_the_folder(sources, other):
     before = folder_now()
@@ -138,7 +168,7 @@ def test_the_user_says_where_caches_go(monkeypatch, tmp_path):
 
 
 def test_every_compiled_function_of_the_packages_stands_in_a_source_of_the_digest():
-    sources, found = set(compiled._kernel_sources()), 0
+    sources, found = set(compiled._kernel_files()), 0
     for package in (coevo, behaviors):
         for info in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             if info.name.rpartition(".")[2] == "__main__":
@@ -167,7 +197,7 @@ def home(module, word):
 
 def test_numbers_that_compiled_functions_take_from_other_modules_stand_in_a_source_of_the_digest():
     # They are frozen into the machine code.
-    sources, checked = set(compiled._kernel_sources()), set()
+    sources, checked = set(compiled._kernel_files()), set()
     for path in sources:
         module = importlib.import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
         kernels = [thing.py_func for thing in vars(module).values() if isinstance(thing, CPUDispatcher)]
@@ -268,14 +298,36 @@ def test_a_name_that_only_begins_alike_is_not_taken_for_compiled(own_cache):
     assert not is_compiled(entry(doub))
 
 
-def test_helpers_do_exact_arithmetic_and_divide_as_numpy_does():
-    @helper
-    def parts(a, b):
-        return (a + b) - a, a / (b - b)
+@helper
+def parts(a, b):
+    return (a + b) - a, a / (b - b)
 
-    exact, infinite = parts(1e16, 1.0)
+
+@entry
+def of_parts(a, b):
+    return parts(a, b)
+
+
+def test_helpers_do_exact_arithmetic_and_divide_as_numpy_does():
+    exact, infinite = of_parts(1e16, 1.0)
     assert exact == (1e16 + 1.0) - 1e16  # not rearranged to b
     assert infinite == np.inf
+
+
+@inlined
+def scaled(value, times):
+    return value * times
+
+
+@entry
+def scaled_thrice(value, times):
+    return scaled(value, 2) + scaled(value, 3) + scaled(value, times)
+
+
+def test_a_part_is_compiled_once_for_its_types_whatever_literals_it_is_given():
+    assert scaled_thrice(10, 5) == 100
+    if not scaled_thrice.stats.cache_hits:
+        assert len(scaled.signatures) == 1
 
 
 def test_borrowed_arrays_are_the_same_memory(own_cache):

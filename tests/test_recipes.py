@@ -5,10 +5,10 @@ from __future__ import annotations
 import shutil
 
 import pytest
-from behaviors.pair.recipe import Schedule
 
 from behaviors.recipe import Recipe, installed_recipes
 from behaviors.recipe import read_recipe as read_skill_recipe
+from behaviors.schedule.recipe import Schedule
 from coevo import recipes
 from coevo.config import RunSettings
 from coevo.errors import InputError

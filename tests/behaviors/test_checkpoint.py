@@ -18,6 +18,7 @@ import pytest
 from behaviors import checkpoint
 from behaviors.checkpoint import read_checkpoint, write_checkpoint
 from behaviors.learning import Learning, learn
+from behaviors.practice import Standing
 from behaviors.recipe import read_recipe
 from coevo.cli import main
 from coevo.config import to_toml
@@ -102,15 +103,17 @@ def test_a_learning_handed_on_after_each_block_gives_the_same_bytes(whole, tmp_p
 
 
 def test_what_is_kept_is_what_stood_there(stopped):
-    standing = read_checkpoint(stopped, _identity())
+    header, arrays = read_checkpoint(stopped, _identity())
+    standing = Standing.unpack(header, arrays)
     assert (standing.done, standing.kept_after) == (500, 500)
-    assert standing.best is not None
-    write_checkpoint(stopped.with_name("again.npz"), standing, _identity())
+    assert len(standing.best) == len(standing.tables) == 1
+    assert len(standing.results.ends) == 500
+    write_checkpoint(stopped.with_name("again.npz"), _identity(), header, arrays)
     assert stopped.with_name("again.npz").read_bytes() == stopped.read_bytes()
 
 
 def attempt(path):
-    """Return where a learning stands and no message, or None and the message."""
+    """Return header and arrays of where a learning stands and no message, or None and the message."""
     try:
         return read_checkpoint(path, _identity()), ""
     except InputError as error:
@@ -163,7 +166,7 @@ def test_every_damaged_byte_is_noticed_or_does_not_matter(stopped):
             assert "--restart" in message
             noticed += 1
         else:
-            write_checkpoint(stopped, standing, _identity())
+            write_checkpoint(stopped, _identity(), *standing)
             assert stopped.read_bytes() == data
     assert noticed > 150
 
@@ -181,7 +184,7 @@ def test_another_format_is_refused_by_its_number(stopped):
     del arrays["digest"]
     arrays["format"] = np.array([7])
     stopped.write_bytes(pack_arrays({**arrays, "digest": digest_of(arrays)}))
-    with pytest.raises(InputError, match="format 7, this version reads format 1"):
+    with pytest.raises(InputError, match="format 7, this version reads format 2"):
         load(stopped, small())
 
 
@@ -339,7 +342,7 @@ def test_ctrl_c_saves_and_says_how_to_go_on(lasting, start, tmp_path):
     assert process.returncode == 130
     assert out == ""
     assert "Traceback" not in err
-    done = json.loads(bytes(read_arrays(tmp_path / "learning.npz")["header"]))["done"]
+    done = json.loads(bytes(read_arrays(tmp_path / "learning.npz")["header"]))["at"]["done"]
     assert 0 < done < LONG
     again = f"coevo learn {recipe} --out {tmp_path} --games 20 --resume"
     assert f"Stopped; {done} of {LONG} trials are saved. Go on with: {again}" in err

@@ -8,9 +8,9 @@ import warnings
 import msgspec
 import numpy as np
 import pytest
-from behaviors.alone import experience as experience_module
-from behaviors.alone.experience import make_models
 
+from behaviors import experience as experience_module
+from behaviors.experience import make_models
 from behaviors.learning import evaluate, learn
 from behaviors.lpm import PersistentExcitationWarning
 from behaviors.recipe import Recipe, read_recipe

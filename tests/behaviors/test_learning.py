@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import msgspec
 import numpy as np
 import pytest
-from behaviors.alone.experience import experience
-from behaviors.alone.scene import provisional_skill
-from behaviors.alone.task import COLLISION, FAILURE, GOING, SUCCESS, judge, task_params
 from scipy import stats
 
-from behaviors import learning
 from behaviors.cards import make_card, measure
+from behaviors.experience import experience
 from behaviors.learning import evaluate, learn
 from behaviors.recipe import (
     ExperienceSettings,
@@ -22,13 +20,17 @@ from behaviors.recipe import (
     read_recipe,
     recipe_digest,
 )
+from behaviors.trials import task as tasks
+from behaviors.trials.scene import Scene
+from behaviors.trials.solo import provisional_skill, solo_scene
+from behaviors.trials.task import COLLIDED, COLLISION, FAILURE, GOING, SUCCEEDED, SUCCESS
+from coevo.compiled import entry
 from coevo.config import check
 from coevo.errors import InputError
-from coevo.skill import load_skill, make_bank, read_card
-from coevo.skill.estimate import make_memory
+from coevo.skill import load_skill, read_card
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL
-from coevo.soccer.physics import physics_params
+from coevo.stage import LEARNER, RANDOM, SKILL
 from coevo.statistics import share_interval
 
 TASKS = ("shoot", "pass", "avoid", "search")
@@ -49,26 +51,30 @@ def short(name, trials=500):
 # ----------------------------------------------------------------------------------------------------- how trials end
 
 
+@entry
+def judge(task, stage, tally, time):
+    """Call from Python what only compiled code can call."""
+    return tasks.judge(task, stage, tally, time)
+
+
 def verdict(
     name, *, ball=(4.0, 2.0), robot=(3.0, 2.0), gaps=(1.0, 1.0), robots_apart=1.0, sees_ball=False, touched=-1, time=100
 ):
     """Return how a trial stands in a situation, and when the learner touched the ball last."""
     recipe = read_recipe(name)
-    robots = task_params(recipe).robots
-    state, memory = np.zeros((robots + 1, 6)), _memory(recipe, robots)
-    state[-1, :2], state[0, :2] = ball, robot
-    memory.areas[0, BALL] = 5.0 if sees_ball else 0.0
-    last = np.array([touched])
-    between = np.full((robots, robots), robots_apart)
-    found = judge(
-        task_params(recipe), physics_params(recipe.world), state, memory, np.array(gaps[:robots]), between, last, time
-    )
-    return found, int(last[0])
-
-
-def _memory(recipe, robots):
-    blank = provisional_skill(recipe)
-    return make_memory(make_bank([blank], drive=blank.drive, actions=blank.actions), [-1] * robots)
+    scene = solo_scene(recipe, provisional_skill(recipe), LEARNER)
+    stage, tally = scene.venue.stage, scene.trial.tally
+    body, robots = stage.body, len(stage.roles.role)
+    body.state[-1, :2], body.state[0, :2] = ball, robot
+    body.ball_gap[:], body.robot_gap[:] = gaps[:robots], robots_apart
+    stage.memory.areas[0, BALL] = 5.0 if sees_ball else 0.0
+    tally.touched[0] = touched
+    tally.rewards[:] = 7.0  # of the step before
+    found = judge(scene.trial.task, stage, tally, time)
+    rewards = np.zeros_like(tally.rewards)
+    rewards[0, SUCCEEDED], rewards[0, COLLIDED] = found == SUCCESS, found == COLLISION
+    assert np.array_equal(tally.rewards, rewards)
+    return found, int(tally.touched[0])
 
 
 LINE = read_recipe("shoot").world.field.length_m
@@ -259,25 +265,25 @@ def test_evaluation_is_its_seed_and_never_changes_the_skill():
 
 
 def test_starts_of_evaluation_are_never_those_of_learning(monkeypatch):
-    drawn = {True: set(), False: set()}
-    run = learning.run_trials
+    drawn = {LEARNER: set(), SKILL: set(), RANDOM: set()}
+    run = Scene.run
 
-    def spy(scene, numbers, learns, *rest):
-        drawn[learns].update(rest[3].tolist())
-        return run(scene, numbers, learns, *rest)
+    def spy(scene, seeds, **rest):  # noqa: ANN003 - of Scene.run
+        drawn[int(scene.trial.stage.roles.role[0])].update(seeds.tolist())
+        return run(scene, seeds, **rest)
 
-    monkeypatch.setattr(learning, "run_trials", spy)
+    monkeypatch.setattr(Scene, "run", spy)
     recipe = short("search", 500)
     skill = learn(recipe, seed=6)
-    checks = set(drawn[False])
-    assert len(drawn[True]) == 500
+    checks = set(drawn[SKILL])
+    assert len(drawn[LEARNER]) == 500
     assert checks  # the table that is kept is chosen by these
-    drawn[False].clear()
+    drawn[SKILL].clear()
     evaluate(recipe, skill, games=300, seed=6)
-    assert len(drawn[False]) == 300
-    assert drawn[False].isdisjoint(drawn[True])
-    assert drawn[False].isdisjoint(checks)
-    assert checks.isdisjoint(drawn[True])
+    assert len(drawn[SKILL]) == 300
+    assert drawn[RANDOM]  # models are made of these
+    for one, other in itertools.combinations([*drawn.values(), checks], 2):
+        assert one.isdisjoint(other)
 
 
 def test_success_is_what_each_task_calls_so():

@@ -8,7 +8,6 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 import pytest
-from behaviors.alone.task import start_trial, task_params
 from scipy import stats
 
 from behaviors.recipe import (
@@ -20,11 +19,12 @@ from behaviors.recipe import (
     read_recipe,
     recipe_digest,
 )
+from behaviors.trials.solo import provisional_skill, solo_scene
+from behaviors.trials.starts import start_one
 from coevo.compiled import entry
 from coevo.config import check, to_toml
 from coevo.errors import InputError
-from coevo.skill import ObjectModel, Skill, load_skill, make_bank
-from coevo.skill.estimate import make_memory
+from coevo.skill import load_skill
 from coevo.soccer.camera import (
     BALL,
     FEATURES,
@@ -35,7 +35,7 @@ from coevo.soccer.camera import (
     object_count,
     see,
 )
-from coevo.soccer.physics import physics_params
+from coevo.stage import SKILL
 
 TASKS = ("shoot", "pass", "avoid", "search")
 PLAIN = {"name": "mine", "task": "shoot", "objects": [{"kind": "ball"}]}
@@ -219,23 +219,24 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path, content, says):
 
 
 @entry
-def _starts(task, physics, camera, ease, in_view, states, retina, memory, rng):
+def _starts(task, stage, ease, in_view, states, rng):
     """Draw starts (starts, bodies, 6), one after the other."""
     for n in range(states.shape[0]):
-        if not start_trial(task, physics, camera, ease, in_view, states[n], retina, memory, rng):
+        if not start_one(task, stage, ease, in_view, rng):
             return False
+        states[n] = stage.body.state
     return True
+
+
+def robots_of(recipe):
+    return 1 if recipe.mover.kind == "none" else 2
 
 
 def starts(recipe, count, *, ease=0.0, in_view=True, seed=1):
     """Return (count, bodies, 6) starts, or None if one was not found."""
-    world, robots = recipe.world, task_params(recipe).robots
-    model = ObjectModel("ball", 1, np.zeros((1, 6)), np.zeros(6), 1.0)
-    bank = make_bank([Skill("any", "pws", (model,), np.zeros((5, 9), np.float32), 1, 1)], drive="pws", actions=9)
-    states = np.full((count, robots + 1, 6), np.nan)
-    memory, rng = make_memory(bank, [-1] * robots), np.array([seed], np.uint64)
-    params = task_params(recipe), physics_params(world), camera_params(world)
-    found = _starts(*params, ease, in_view, states, make_retina(world), memory, rng)
+    scene = solo_scene(recipe, provisional_skill(recipe), SKILL)
+    states = np.full((count, robots_of(recipe) + 1, 6), np.nan)
+    found = _starts(scene.trial.task, scene.venue.stage, ease, in_view, states, np.array([seed], np.uint64))
     return states if found else None
 
 
@@ -267,7 +268,7 @@ def radii(recipe, robots):
 
 def uniform_starts(recipe, count, rng, *, in_view):
     """Return starts drawn by definition: everything anywhere, until it is as the task wants it."""
-    field, robots = recipe.world.field, task_params(recipe).robots
+    field, robots = recipe.world.field, robots_of(recipe)
     sizes, found = radii(recipe, robots), []
     while len(found) < count:
         state = np.zeros((robots + 1, 6))
@@ -369,5 +370,6 @@ def test_no_start_is_found_where_there_is_none():
 def test_a_chaser_and_its_like_are_part_of_the_recipe():
     recipe = check(Recipe, {**PLAIN, "task": "avoid", "mover": {"kind": "chaser", "speed": 0.3}}, "mine.toml")
     assert recipe.mover == MoverSettings(kind="chaser", speed=0.3)
-    assert task_params(recipe).robots == 2
-    assert task_params(check(Recipe, PLAIN, "mine.toml")).robots == 1
+    for one, robots in ((recipe, 2), (check(Recipe, PLAIN, "mine.toml"), 1)):
+        scene = solo_scene(one, provisional_skill(one), SKILL)
+        assert len(scene.venue.stage.roles.role) == len(scene.minds) == robots

@@ -6,19 +6,33 @@ import itertools
 
 import numpy as np
 import pytest
-from behaviors.alone.steps import _expect
-from behaviors.alone.task import COLLISION, FAILURE, GOING, SUCCESS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.cluster.vq import kmeans2
 
 from behaviors.coordination.areas import RELEARN, Behaviour, areas_of, component, first_values, state_values
 from behaviors.recipe import LearningSettings
-from behaviors.tabular.decisions import make_decisions
-from behaviors.tabular.qlearning import lambda_returns, make_learner
+from behaviors.tabular import decisions as choices
+from behaviors.tabular import qlearning
+from behaviors.tabular.decisions import Decisions
+from behaviors.tabular.qlearning import make_learner
+from behaviors.tabular.table import make_table
+from behaviors.trials.task import COLLISION, FAILURE, GOING, SUCCESS
+from coevo.compiled import entry
 
 GAMMA = 0.9
 NUMBERS = make_learner(LearningSettings(gamma=GAMMA, return_lambda=0.0, alpha=1.0))
+
+
+@entry
+def lambda_returns(learner, values, visits, fixed, rows, actions, rewards, lengths, count, last):
+    """Call from Python what only compiled code can call; so does the next one."""
+    qlearning.lambda_returns(learner, values, visits, fixed, rows, actions, rewards, lengths, count, last)
+
+
+@entry
+def end_decisions(learner, table, made, last, failed):
+    choices.end_decisions(learner, table, made, last, failed)
 
 
 def behaviour(name, best, own_states, **parts):  # noqa: ANN003 - fields
@@ -235,12 +249,15 @@ def test_areas_part_a_trial_into_trials_that_run_out_of_time(decisions, last, de
 def expected_after(walks, places, *, decay=0.9, start=100.0):
     """Return the expected steps after walks of (states, steps of each decision, outcome, last state)."""
     numbers = NUMBERS._replace(gamma=1.0, return_lambda=decay, alpha=1.0, alpha_visits=1.0, alpha_min=0.0)
-    expected, visits = np.full((places, 1), start), np.zeros((places, 1), np.int64)
+    follower, table = numbers._replace(follows=True, never=900.0), make_table(places, 1)
+    table.values[:] = start
     for states, lengths, outcome, last in walks:
-        made = make_decisions(len(states))
-        made.rows[:], made.lengths[:], made.made[0], made.last[0] = states, lengths, len(states), last
-        _expect(numbers, 900.0, expected, visits, made, outcome)
-    return expected[:, 0]
+        count = len(states)
+        # What the policy did, and what rewards the task gives, must not matter.
+        actions, rewards = np.full(count, 5), np.full(count, 7.0)
+        made = Decisions(np.array(states), actions, rewards, np.array(lengths), np.array([count]))
+        end_decisions(follower, table, made, last, outcome in (FAILURE, COLLISION))
+    return table.values[:, 0]
 
 
 @pytest.mark.parametrize("decay", [0.0, 0.9, 1.0])

@@ -7,11 +7,6 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
-from behaviors.alone import scene
-from behaviors.alone.scene import make_scene
-from behaviors.alone.steps import count_steps
-from behaviors.alone.task import COLLISION, SUCCESS
-from behaviors.alone.trials import LEARNED, run_trials
 from click.testing import CliRunner
 from scipy import stats
 
@@ -21,13 +16,16 @@ from behaviors.coordination.relearning import coordinate, expected_steps
 from behaviors.learning import Learning, evaluate, learn
 from behaviors.recipe import Recipe, read_recipe
 from behaviors.studies import coordination as study_coordination
-from behaviors.tabular.decisions import make_decisions
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import make_table
+from behaviors.trials import scene
+from behaviors.trials.solo import solo_scene
+from behaviors.trials.task import COLLISION, SUCCESS
 from coevo.config import check, to_toml
 from coevo.errors import InputError
 from coevo.seeds import game_seeds
 from coevo.skill import load_skill
+from coevo.stage import LEARNER, SKILL
 
 OBJECTS = [{"kind": "ball"}, {"kind": "opponent_goal"}, {"kind": "robot"}]
 MINE = {
@@ -98,18 +96,17 @@ def test_where_all_is_an_area_the_skill_acts_and_nothing_is_learned(update):
     plain = msgspec.structs.replace(plain, starts="anywhere")
     rule = msgspec.structs.replace(plain.learning, update=update, easy_share=0.0, epsilon_start=1.0)
     found = []
-    for is_learning in (False, True):
+    for role in (SKILL, LEARNER):
         table = make_table(*shoot.values.shape)
         table.fixed[:] = True
-        outcomes, steps = np.zeros(100, np.int64), np.zeros(100, np.int64)
         learner = make_learner(rule)
-        if not is_learning:
+        if role == SKILL:
             learner = learner._replace(epsilon_start=0.0, epsilon_end=0.0)
-        given = make_scene(plain, shoot), learner, is_learning, LEARNED, 0, 100, seeds, table
-        assert run_trials(*given, make_decisions(plain.time_limit_steps), outcomes, steps)
-        assert not table.values.any()
-        assert not table.visits.any()
-        found.append((outcomes.tolist(), steps.tolist()))
+        trials = solo_scene(plain, shoot, role, learner=learner, table=table)
+        outcome = trials.run(seeds, total=100)
+        assert not trials.minds[0].table.values.any()
+        assert not trials.minds[0].table.visits.any()
+        found.append((outcome.ends.tolist(), outcome.steps.tolist()))
     assert SUCCESS in found[0][0]
     assert found[0] == found[1]
 
@@ -117,11 +114,9 @@ def test_where_all_is_an_area_the_skill_acts_and_nothing_is_learned(update):
 @pytest.mark.parametrize("update", ["lambda-returns", "one-step"])
 def test_the_other_robot_matters_when_shooting_and_areas_keep_their_values(start, update):
     mine = recipe(learning={"update": update})
-    table, outcomes, steps = start.table(), np.zeros(150, np.int64), np.zeros(150, np.int64)
-    seeds = game_seeds(1, 1, count=150)
-    given = make_scene(mine, start.skill), make_learner(mine.learning), True, LEARNED, 0, 200, seeds, table
-    assert run_trials(*given, make_decisions(mine.time_limit_steps), outcomes, steps)
-    assert {SUCCESS, COLLISION} <= set(outcomes.tolist())
+    trials = solo_scene(mine, start.skill, LEARNER, learner=make_learner(mine.learning), table=start.table())
+    found, table = trials.run(game_seeds(1, 1, count=150), total=200), trials.minds[0].table
+    assert {SUCCESS, COLLISION} <= set(found.ends.tolist())
     assert np.array_equal(table.values[start.fixed], start.values[start.fixed])
     assert not table.visits[start.fixed].any()
     assert table.visits.any()
@@ -140,10 +135,10 @@ def test_fewer_steps_to_the_goal_are_where_a_skill_values_a_state_more():
 def test_no_start_is_said(start):
     blind = msgspec.structs.replace(recipe().world.camera, tilt_deg=-50.0, vertical_view_deg=10.0)
     hidden = msgspec.structs.replace(recipe(), world=msgspec.structs.replace(recipe().world, camera=blind))
-    table, expected = start.table(), np.zeros((len(start.values), 1))
-    given = make_scene(hidden, start.skill), make_learner(hidden.learning), 900.0, np.zeros(1, np.uint64), table
-    visits = np.zeros(expected.shape, np.int64)
-    assert not count_steps(*given, make_decisions(hidden.time_limit_steps), expected, visits)
+    learner = make_learner(hidden.learning)._replace(follows=True, easy_share=0.0)
+    trials = solo_scene(hidden, start.skill, LEARNER, learner=learner, table=start.table())
+    assert trials.run(np.zeros(1, np.uint64)) is None
+    assert not trials.minds[0].table.visits.any()
     with pytest.raises(InputError, match="no start was found"):
         learn(hidden)
 

@@ -1,29 +1,42 @@
+"""The controller that knows the true state: what it does where the right thing is known, and what it comes to."""
+
+from __future__ import annotations
+
 import math
 
 import msgspec
 import numpy as np
 import pytest
-from behaviors.alone.informed import informed_action
-from behaviors.alone.scene import make_scene, provisional_skill
 
 from behaviors.learning import evaluate
 from behaviors.recipe import MoverSettings, read_recipe
+from behaviors.trials import informed
+from behaviors.trials.solo import provisional_skill, solo_scene
+from coevo.compiled import entry
+from coevo.stage import INFORMED
 
 GOAL = (8.22, 4.575 / 2)
+
+
+@entry
+def informed_action(task, physics, state, commands):
+    """Call from Python what only compiled code can call."""
+    return informed.informed_action(task, physics, state, commands)
 
 
 def scene_of(name, drive="pws"):
     recipe = read_recipe(name)
     robot = msgspec.structs.replace(recipe.world.robot, drive=drive)
     recipe = msgspec.structs.replace(recipe, world=msgspec.structs.replace(recipe.world, robot=robot))
-    return make_scene(recipe, provisional_skill(recipe))
+    return solo_scene(recipe, provisional_skill(recipe), INFORMED)
 
 
 def code(scene, *bodies):
     """Return (v, omega) in {-1, 0, 1} that the controller chooses; bodies are (x, y, heading), the ball last."""
     state = np.zeros((len(bodies), 6))
     state[:, :3] = bodies
-    return tuple(scene.codes[informed_action(scene.task, scene.physics, state, scene.commands)])
+    stage = scene.venue.stage
+    return tuple(stage.drive.codes[informed_action(scene.trial.task, stage.physics, state, stage.drive.commands)])
 
 
 @pytest.mark.parametrize("drive", ["pws", "4ws"])

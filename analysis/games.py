@@ -31,5 +31,17 @@ def programs_of(settings: RunSettings, trees: Sequence[Tree | None]) -> list[Pro
 
 
 def play(arena: Arena, trees: Sequence[Tree | None], *, games: int, seed: int) -> Outcome:
-    """Play ``games`` unseen games; the same seed is the same games for every team."""
+    """Play ``games`` unseen games; the same seed is the same games for every team.
+
+    Example:
+        >>> from analysis.games import play
+        >>> from coevo.game import Arena
+        >>> from coevo.recipes import read_experiment
+        >>> from coevo.tree import parse
+        >>> arena = Arena(read_experiment("two-learners"))
+        >>> both = [parse("IF_ball_is_lost(search, pass)"), parse("shoot")]
+        >>> alone = [parse("search"), parse("search")]
+        >>> play(arena, both, games=40, seed=1).goals_of(0) > play(arena, alone, games=40, seed=1).goals_of(0)
+        True
+    """
     return arena.play(programs_of(arena.settings, trees), unseen_seeds(seed, games))

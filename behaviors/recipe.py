@@ -243,5 +243,11 @@ def read_recipe(source: str) -> Recipe:
 
     Raises:
         InputError: there is no such recipe, it is of another kind, or it is wrong.
+
+    Example:
+        >>> from behaviors.recipe import read_recipe
+        >>> recipe = read_recipe("search")
+        >>> recipe.task, [one.kind for one in recipe.objects]
+        ('search', ['ball'])
     """
     return check(Recipe, read_toml(_path(source)), source if is_path(source) else f"the recipe of {source}")

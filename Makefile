@@ -12,7 +12,7 @@ PACKAGES := coevo behaviors analysis
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help evolve test env lint format types imports wheel-check readme-check skills bench lock clean
+.PHONY: help evolve test env lint format types imports wheel-check docs-check hooks skills bench lock clean
 
 help: ## show this list
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12]'
@@ -43,8 +43,11 @@ imports: $(READY) ## check that imports respect the borders in pyproject.toml
 wheel-check: $(READY) ## build the wheel, install it in a fresh environment and use it there
 	@$(BIN)/python tools/wheel_check.py
 
-readme-check: $(READY) ## run every command of the README
-	@$(BIN)/python tools/readme_commands.py
+docs-check: $(READY) ## check every command of the documentation, and run those that do not take long
+	@$(BIN)/python tools/documented_commands.py $(ARGS)
+
+hooks: $(READY) ## let git check style, types, imports and documentation before each commit
+	@$(BIN)/pre-commit install
 
 skills: $(READY) ## learn the installed skills anew from their recipes, and measure them (about 10 minutes)
 	@for skill in shoot pass avoid search; do \

@@ -207,6 +207,16 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
 
     Raises:
         InputError: the recipe leaves nothing to learn from, or its skills do not fit it or each other.
+
+    Example:
+        >>> from behaviors.learning import evaluate, learn
+        >>> from behaviors.recipe import read_recipe
+        >>> recipe = read_recipe("search")
+        >>> skill = learn(recipe, seed=1, trials=300)
+        >>> skill.name, skill.values.shape
+        ('search', (29, 9))
+        >>> evaluate(recipe, skill, games=50, seed=7).success_rate > 0.9
+        True
     """
     seed = recipe.seed if seed is None else seed
     trials = recipe.trials if trials is None else trials
@@ -244,6 +254,15 @@ def evaluate(
         starts: "in-view" or "anywhere", instead of the recipe's.
         mover: MoverSettings instead of the recipe's.
         epsilon: probability that an action is drawn at random.
+
+    Example:
+        >>> from behaviors.learning import evaluate
+        >>> from behaviors.recipe import read_recipe
+        >>> from coevo.skill import load_skill
+        >>> recipe = read_recipe("shoot")
+        >>> found = {who: evaluate(recipe, who, games=50, seed=7).success_rate for who in ("random", "informed")}
+        >>> found["random"] < 0.2 < 0.8 < evaluate(recipe, load_skill("shoot"), games=50, seed=7).success_rate
+        True
     """
     changed = msgspec.structs.replace(recipe, starts=starts or recipe.starts, mover=mover or recipe.mover)
     if isinstance(skill, Skill):

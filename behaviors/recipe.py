@@ -249,6 +249,12 @@ def read_recipe(source: str, changes: Sequence[str] = ()) -> Recipe:
 
     Raises:
         InputError: there is no such recipe, it is of another kind, or it is wrong.
+
+    Example:
+        >>> from behaviors.recipe import read_recipe
+        >>> recipe = read_recipe("search")
+        >>> recipe.task, [one.kind for one in recipe.objects]
+        ('search', ['ball'])
     """
     data = override(read_toml(_path(source)), changes)
     return check(Recipe, data, source if is_path(source) else f"the recipe of {source}")

@@ -43,7 +43,15 @@ def fixed(
     beta: float = 4000.0,
     t_max: float = 20.0,
 ) -> NDArray[np.float64]:
-    """Return the fixed fitness (6.1)."""
+    """Return the fixed fitness (6.1).
+
+    Example:
+        >>> from coevo.fitness import fixed
+        >>> float(fixed(goals=20, lost=0, kicks=4000, collisions=0, steps=0))  # nothing is missing
+        0.0
+        >>> fixed(goals=[20, 15], lost=[0, 2], kicks=[4000, 4000], collisions=[0, 0], steps=[1000, 1000])
+        array([0.1, 6.1])
+    """
     return (
         alpha_g * _short_of(goals, t_max)
         + alpha_l * np.asarray(lost, np.float64)
@@ -77,6 +85,12 @@ def varying(
         generation: g, from 0.
         generations: G, at least 1.
         alpha_g, alpha_l, alpha_k, alpha_c, alpha_s, beta, t_max: see Table 6.2.
+
+    Example:
+        >>> from coevo.fitness import varying
+        >>> what = {"goals": 20, "lost": 0, "kicks": 3900, "collisions": 10, "steps": 0}
+        >>> [float(varying(**what, generation=g, generations=60)) for g in (0, 60)]  # kicks count, then collisions
+        [1.0, 0.1]
     """
     past = generation / generations
     return fixed(
@@ -105,6 +119,16 @@ class Scorer:
 
     Raises:
         InputError: there is no such function, or it does not return what it should.
+
+    Example:
+        >>> import numpy as np
+        >>> from coevo.fitness import Scorer
+        >>> from coevo.game import SoccerGame
+        >>> from coevo.recipes import read_experiment
+        >>> scorer = Scorer(read_experiment("smoke", ["evaluation.games=20"]), SoccerGame.counts)
+        >>> counted = {"goals": 15, "lost": 2, "kicks": 4000, "collisions": 0, "steps": 1000}
+        >>> scorer({name: np.array([number]) for name, number in counted.items()}, generation=0)
+        array([6.1])
     """
 
     def __init__(self, settings: EvolutionSettings, counts: Sequence[str], folders: Sequence[Path] = ()) -> None:

@@ -38,7 +38,13 @@ def _found() -> dict[str, Path]:
 
 
 def recipe_names(kind: str) -> list[str]:
-    """Return the names of all recipes of a kind: "evolution", "skill" or "schedule"."""
+    """Return the names of all recipes of a kind: "evolution", "skill" or "schedule".
+
+    Example:
+        >>> from coevo.recipes import recipe_names
+        >>> recipe_names("evolution")
+        ['smoke', 'stationary-opponent', 'three-learners', 'two-learners']
+    """
     return sorted(name for name, path in _found().items() if _kind_of(path) == kind)
 
 
@@ -97,12 +103,25 @@ def read_settings(kind: type[_S], name: str, changes: Sequence[str] = ()) -> _S:
 
     Raises:
         InputError: there is no such recipe, it is of another kind, or it is wrong.
+
+    Example:
+        >>> from coevo.config import RunSettings
+        >>> from coevo.recipes import read_settings
+        >>> settings = read_settings(RunSettings, "three-learners", ["gp.population=40"])
+        >>> settings.name, settings.gp.population, settings.gp.generations
+        ('three-learners', 40, 60)
     """
     data = override(read_recipe(name, file_kind(kind)), changes)
     return check(kind, data, name if is_path(name) else f"the recipe {name}")
 
 
 def read_experiment(name: str, changes: Sequence[str] = ()) -> EvolutionSettings:
-    """Read and check an experiment of evolution as ``read_settings`` does: of soccer, or of a game of one's own."""
+    """Read and check an experiment of evolution as ``read_settings`` does: of soccer, or of a game of one's own.
+
+    Example:
+        >>> from coevo.recipes import read_experiment
+        >>> [player.control for player in read_experiment("stationary-opponent").players]
+        ['evolve', 'evolve', 'stationary']
+    """
     data = override(read_recipe(name, "evolution"), changes)
     return check_experiment(data, name if is_path(name) else f"the recipe {name}")

@@ -345,6 +345,15 @@ def open_run(path: str | Path) -> Run:
 
     Raises:
         InputError: there is no run, or its config.toml is wrong.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from coevo.recipes import read_experiment
+        >>> from coevo.run import create_run, open_run
+        >>> made = create_run(Path("runs/mine"), read_experiment("smoke"))
+        >>> run = open_run("runs/mine")
+        >>> run.config.name, run.finished, list(run.evolving.values())
+        ('smoke', 0, ['r0', 'r1', 'r2'])
     """
     path = Path(path)
     try:

@@ -79,7 +79,14 @@ def game_seed(*key: int) -> np.uint64:
 
 
 def game_seeds(*key: int, count: int, first: int = 0) -> NDArray[np.uint64]:
-    """Return (count,) seeds of the games or trials number ``first`` and following of a stream."""
+    """Return (count,) seeds of the games or trials number ``first`` and following of a stream.
+
+    Example:
+        >>> from coevo.seeds import RunStream, game_seed, game_seeds
+        >>> seeds = game_seeds(1, RunStream.PLAY, count=3)
+        >>> bool(seeds[2] == game_seed(1, RunStream.PLAY, 2))  # each game again, alone
+        True
+    """
     return np.array([game_seed(*key, first + n) for n in range(count)], np.uint64)
 
 
@@ -90,7 +97,17 @@ def generator(*key: int) -> np.random.Generator:
 
 @contextmanager
 def global_random(*key: int) -> Iterator[None]:
-    """Give DEAP, which draws from Python's global generator, a stream of its own, and put the old one back."""
+    """Give DEAP, which draws from Python's global generator, a stream of its own, and put the old one back.
+
+    Example:
+        >>> import random
+        >>> from coevo.seeds import RunStream, global_random
+        >>> with global_random(1, RunStream.CREATION):
+        ...     one = random.random()
+        >>> with global_random(1, RunStream.CREATION):
+        ...     print(random.random() == one)
+        True
+    """
     before = random.getstate()
     random.seed(int(game_seed(*key)))
     try:

@@ -17,6 +17,11 @@ def mean_interval(values: Sequence[float] | NDArray[np.float64]) -> tuple[float,
 
     Args:
         values: (n,), at least one; of one value, or of equal ones, the interval is the mean itself.
+
+    Example:
+        >>> from coevo.statistics import mean_interval
+        >>> print("{:.2f} [{:.2f}, {:.2f}]".format(*mean_interval([0.1, 0.2, 0.3])))
+        0.20 [-0.05, 0.45]
     """
     data = np.asarray(values, np.float64)
     mean = float(data.mean())
@@ -34,6 +39,11 @@ def share_interval(successes: int, trials: int) -> tuple[float, float]:
 
     Args:
         successes, trials: counts; 0 <= successes <= trials, and at least one trial.
+
+    Example:
+        >>> from coevo.statistics import share_interval
+        >>> print("[{:.3f}, {:.3f}]".format(*share_interval(0, 10)))
+        [0.000, 0.278]
     """
     from scipy import stats
 

@@ -50,6 +50,14 @@ def isodata(
 
     Raises:
         ValueError: there are more pinned points than centres, or they and the centres differ in dimension.
+
+    Example:
+        >>> import numpy as np
+        >>> from behaviors.coordination.isodata import isodata
+        >>> points = np.array([[0.0], [0.2], [5.0], [5.2]])
+        >>> found = isodata(points, np.array([[2.0]]))  # one centre is given, and split
+        >>> found.labels.tolist(), found.centres.ravel().round(1).tolist()
+        ([0, 0, 1, 1], [0.1, 5.1])
     """
     if len(pinned) > len(centres) or centres.ndim != 2 or centres.shape[1] != points.shape[1]:
         raise ValueError(

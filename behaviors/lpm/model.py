@@ -222,6 +222,21 @@ def identify(
     Warns:
         PersistentExcitationWarning: where the actions are not persistently exciting of order 2l ("project")
             or l + 1 ("keep"), as with one action only.
+
+    Example:
+        >>> import numpy as np
+        >>> from behaviors.lpm import identify
+        >>> random = np.random.default_rng(1)
+        >>> actions, state, seen = random.normal(size=(2000, 1)), 0.0, []
+        >>> for action in actions[:, 0]:  # a state of one dimension, seen with noise; row t is what actions[t] led to
+        ...     state = 0.8 * state + action
+        ...     seen.append([state + 0.1 * random.normal()])
+        >>> model = identify([(actions, np.array(seen))], history_length=3, order=1)
+        >>> model.memory_matrix.shape, model.A.round(1).tolist()
+        ((1, 6), [[0.8]])
+        >>> error = np.array(seen) - model.predict(actions, np.array(seen))
+        >>> bool(np.nanstd(error) < 0.2)
+        True
     """
     checked = check_segments(segments)
     length, wanted_order = _count("history_length", history_length), _count("order", order)

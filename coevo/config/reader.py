@@ -67,6 +67,14 @@ def check(kind: type[_S], data: Mapping[str, Any], source: str) -> _S:
     Raises:
         InputError: a key is unknown (the nearest is offered), a value has the wrong type or is out of range, or it is
             a file of another kind (the command that takes it is offered).
+
+    Example:
+        >>> from coevo.config import WorldSettings, check
+        >>> check(WorldSettings, {"robot": {"max_speed_mps": 0.5}}, "mine").robot.max_speed_mps
+        0.5
+        >>> check(WorldSettings, {"robot": {"max_sped_mps": 0.5}}, "mine")
+        Traceback (most recent call last):
+        coevo.errors.InputError: mine: unknown setting 'robot.max_sped_mps'. Did you mean 'max_speed_mps'?
     """
     if issubclass(kind, FileSettings):
         _check_file_kind(file_kind(kind), data, source)
@@ -188,6 +196,12 @@ def to_toml(settings: Struct) -> str:
     """Return every setting, resolved, as TOML that 'check' reads back to equal settings.
 
     TOML has no word for None: such a setting is left out, and None is what it is then.
+
+    Example:
+        >>> from coevo.config import RuleSettings, to_toml
+        >>> print(to_toml(RuleSettings(pass_window_s=2.0)), end="")
+        pass_window_s = 2.0
+        collision_release_m = 0.02
     """
     return tomli_w.dumps(_without_none(msgspec.to_builtins(settings)))
 
@@ -201,7 +215,13 @@ def _without_none(data: Any) -> Any:
 
 
 def override(data: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, Any]:
-    """Return plain data with settings replaced, each given as ``dotted.key=value`` (the value as in TOML)."""
+    """Return plain data with settings replaced, each given as ``dotted.key=value`` (the value as in TOML).
+
+    Example:
+        >>> from coevo.config import override
+        >>> override({"gp": {"population": 80}}, ["gp.population=40", "fitness.kind=varying"])
+        {'gp': {'population': 40}, 'fitness': {'kind': 'varying'}}
+    """
     result = typing.cast("dict[str, Any]", _thaw(data))
     for assignment in assignments:
         key, equals, text = assignment.partition("=")

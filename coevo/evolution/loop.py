@@ -110,6 +110,21 @@ def evolve(run: Run, evaluator: Evaluator, report: Callable[[GenerationReport], 
         run: new, or interrupted at any instant.
         evaluator: plays the games.
         report: called after each generation, when it is safe on disk.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from coevo.evolution import evolve
+        >>> from coevo.evolution.evaluation import Evaluator
+        >>> from coevo.recipes import read_experiment
+        >>> from coevo.run import create_run
+        >>> small = ["gp.population=4", "gp.generations=2", "gp.tournament=2", "evaluation.games=1"]
+        >>> run = create_run(Path("runs/small"), read_experiment("smoke", small))
+        >>> with Evaluator(run.config, workers=1, backend="threads") as evaluator:
+        ...     evolve(run, evaluator, lambda report: print(report.generation, report.games))
+        0 4
+        1 4
+        >>> len(run.individuals)  # generations, robots, individuals
+        24
     """
     settings, game = run.config, run.game
     scorer = Scorer(settings, game.counts, run.folders)

@@ -24,6 +24,15 @@ def make_game(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Game
 
     Raises:
         InputError: there is no such game, or it breaks the contract.
+
+    Example:
+        >>> from coevo.game import make_game
+        >>> from coevo.recipes import read_experiment
+        >>> game = make_game(read_experiment("three-learners"))
+        >>> [(role.name, role.team) for role in game.roles]
+        [('r0', 0), ('r1', 0), ('r2', 1)]
+        >>> len(game.function_set(0).functions)
+        35
     """
     if isinstance(settings, RunSettings):
         return SoccerGame(settings)

@@ -37,6 +37,21 @@ class SoccerGame:
 
     Args:
         settings: the experiment.
+
+    Example:
+        >>> from coevo.game import SoccerGame
+        >>> from coevo.recipes import read_experiment
+        >>> from coevo.seeds import RunStream, game_seeds
+        >>> from coevo.tree import compile_program, parse, tree_codes
+        >>> game = SoccerGame(read_experiment("two-learners"))
+        >>> sets = [game.function_set(role) for role in range(2)]
+        >>> trees = [parse("IF_ball_is_lost(search, pass)"), parse("shoot")]
+        >>> programs = [compile_program(tree_codes(tree, one), one) for tree, one in zip(trees, sets, strict=True)]
+        >>> played = game.play(programs, game_seeds(1, RunStream.PLAY, count=4))
+        >>> played.counts["goals"].shape  # games, robots
+        (4, 2)
+        >>> bool((played.winner >= 0).sum() == (played.counts["goals"] + played.counts["lost"]).max(axis=1).sum())
+        True
     """
 
     counts = ("goals", "lost", "kicks", "collisions", "steps", "passes", "own_goals")

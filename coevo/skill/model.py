@@ -235,6 +235,12 @@ def load_skill(source: str | Path) -> Skill:
 
     Raises:
         InputError: no such skill or file, or it is damaged or of another kind.
+
+    Example:
+        >>> from coevo.skill import load_skill
+        >>> skill = load_skill("shoot")
+        >>> skill.drive, [model.kind for model in skill.objects], skill.values.shape
+        ('pws', ['ball', 'opponent_goal'], (841, 9))
     """
     path = skill_path(source)
     damaged = f"{path} is not a skill file or is damaged ({{}}); learn it again with 'coevo learn'"
@@ -277,7 +283,13 @@ def _pretrained() -> Path:
 
 
 def installed_skills() -> list[str]:
-    """Return the names of the skills that came with the installation."""
+    """Return the names of the skills that came with the installation.
+
+    Example:
+        >>> from coevo.skill import installed_skills
+        >>> installed_skills()
+        ['shoot', 'pass', 'avoid', 'search']
+    """
     order = {"shoot": 0, "pass": 1, "avoid": 2, "search": 3}
     names = [folder.parent.name for folder in _pretrained().glob("*/skill.npz")]
     return sorted(names, key=lambda name: (order.get(name, 9), name))
@@ -299,7 +311,13 @@ def skill_path(source: str | Path) -> Path:
 
 
 def read_card(source: str | Path) -> dict[str, Any]:
-    """Return the card beside a skill: what it was measured at; empty if there is none."""
+    """Return the card beside a skill: what it was measured at; empty if there is none.
+
+    Example:
+        >>> from coevo.skill import read_card
+        >>> sorted(read_card("search")["measured"]), read_card("search")["measured"]["in-view"]["games"]
+        (['in-view'], 1000)
+    """
     path = skill_path(source).with_name("card.json")
     try:
         card = json.loads(path.read_text(encoding="utf-8"))

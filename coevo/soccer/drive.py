@@ -30,6 +30,12 @@ def action_set(robot: RobotSettings) -> ActionSet:
     Power wheeled steering sets speed and turn rate freely: 9 actions (5.13). With 4-wheel steering front and
     rear wheels steer by opposite angles, so the robot turns only while it drives; steering without driving has
     no meaning and is left out: 7 actions (3.12).
+
+    Example:
+        >>> from coevo.config import RobotSettings
+        >>> from coevo.soccer.drive import action_set
+        >>> len(action_set(RobotSettings(drive="pws")).codes), len(action_set(RobotSettings(drive="4ws")).codes)
+        (9, 7)
     """
     levels = (-1.0, 0.0, 1.0)
     codes = [(v, s) for v in levels for s in levels if robot.drive == "pws" or v != 0.0 or s == 0.0]

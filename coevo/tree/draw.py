@@ -37,7 +37,16 @@ def _share(steps: Sequence[int] | NDArray[np.int64] | None, node: int) -> float 
 
 
 def as_text(tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None) -> str:
-    """Return a line a node, indented by depth; ``steps``: (nodes,) how often each was passed."""
+    """Return a line a node, indented by depth; ``steps``: (nodes,) how often each was passed.
+
+    Example:
+        >>> from coevo.tree import parse
+        >>> from coevo.tree.draw import as_text
+        >>> print(as_text(parse("IF_ball_is_lost(search, shoot)"), [10, 4, 6]))
+         100.0%  ball is lost?
+          40.0%    yes: search
+          60.0%    no: shoot
+    """
     lines = []
     marks = _branches(tree)
     for node, (name, depth) in enumerate(zip(tree.names, tree.depths, strict=True)):

@@ -33,6 +33,11 @@ class FunctionSet:
 
     Raises:
         ValueError: a name cannot be used, or there are too many.
+
+    Example:
+        >>> from coevo.tree import FunctionSet
+        >>> FunctionSet(("IF_dark",), ("yes", "no")).codes
+        {'IF_dark': 0, 'yes': 1, 'no': 2}
     """
 
     functions: tuple[str, ...]

@@ -62,7 +62,15 @@ def _link(
 
 
 def compile_program(codes: NDArray[np.uint8], functions: FunctionSet) -> Program:
-    """Return the flat program of a tree given as (nodes,) codes in prefix order."""
+    """Return the flat program of a tree given as (nodes,) codes in prefix order.
+
+    Example:
+        >>> from coevo.tree import FunctionSet, compile_program, parse, tree_codes
+        >>> functions = FunctionSet(("IF_dark",), ("yes", "no"))
+        >>> program = compile_program(tree_codes(parse("IF_dark(yes, no)", functions), functions), functions)
+        >>> program.codes.tolist(), program.second.tolist()
+        ([0, -1, -2], [2, 0, 0])
+    """
     return measure(codes, functions)[0]
 
 

@@ -28,6 +28,11 @@ def simplify(tree: Tree, functions: FunctionSet | None = None) -> Tree:
         tree: any tree.
         functions: says which conditions depend on each other; without it they are those of Table 6.1. Every other
             condition is a question of its own, decided where it is asked again below itself.
+
+    Example:
+        >>> from coevo.tree import parse, simplify
+        >>> print(simplify(parse("IF_ball_is_lost(IF_ball_is_left(shoot, search), avoid)")))
+        IF_ball_is_lost(search, avoid)
     """
     if functions is not None:
         groups = functions.situations

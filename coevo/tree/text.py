@@ -118,6 +118,17 @@ def parse(text: str, functions: FunctionSet | None = None) -> Tree:
 
     Raises:
         InputError: the text is no tree; says what was expected and where.
+
+    Example:
+        >>> from coevo.tree import parse
+        >>> tree = parse("IF_ball_is_left(shoot, IF_ball_is_lost(search, avoid))")
+        >>> tree.depth, tree.nodes, tree.second
+        (2, 5, (2, 0, 4, 0, 0))
+        >>> print(tree)
+        IF_ball_is_left(shoot, IF_ball_is_lost(search, avoid))
+        >>> parse("IF_ball_is_lefft(shoot, avoid)")
+        Traceback (most recent call last):
+        coevo.errors.InputError: tree: unknown name 'IF_ball_is_lefft' at character 1. Did you mean 'IF_ball_is_left'?
     """
     names: list[str] = []
     # What may come next: a node, or a fixed mark. The stack keeps what must follow.

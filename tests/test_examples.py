@@ -1,0 +1,77 @@
+"""The examples in docstrings hold, and what people call from Python has one."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import pkgutil
+from functools import cache
+
+import pytest
+
+import analysis
+import behaviors
+import coevo
+
+# What the README, the how-tos and other programs call.
+PUBLIC = (
+    "analysis.games.play",
+    "behaviors.coordination.isodata.isodata",
+    "behaviors.learning.evaluate",
+    "behaviors.learning.learn",
+    "behaviors.lpm.model.identify",
+    "behaviors.recipe.read_recipe",
+    "coevo.config.reader.check",
+    "coevo.config.reader.override",
+    "coevo.config.reader.to_toml",
+    "coevo.evolution.loop.evolve",
+    "coevo.fitness.Scorer",
+    "coevo.fitness.fixed",
+    "coevo.fitness.varying",
+    "coevo.game.make.make_game",
+    "coevo.game.soccer.SoccerGame",
+    "coevo.recipes.read_experiment",
+    "coevo.recipes.read_settings",
+    "coevo.recipes.recipe_names",
+    "coevo.run.open_run",
+    "coevo.seeds.game_seeds",
+    "coevo.seeds.global_random",
+    "coevo.skill.model.installed_skills",
+    "coevo.skill.model.load_skill",
+    "coevo.skill.model.read_card",
+    "coevo.soccer.drive.action_set",
+    "coevo.statistics.mean_interval",
+    "coevo.statistics.share_interval",
+    "coevo.tree.draw.as_text",
+    "coevo.tree.functions.FunctionSet",
+    "coevo.tree.program.compile_program",
+    "coevo.tree.simplify.simplify",
+    "coevo.tree.text.parse",
+)
+SLOW = {"behaviors.learning.evaluate", "behaviors.learning.learn"}  # they compile trials
+FINDER = doctest.DocTestFinder(exclude_empty=True)
+
+
+@cache
+def examples():
+    """Return the examples of all modules by the name of what they belong to."""
+    found = {}
+    for package in (analysis, behaviors, coevo):
+        for info in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+            if info.name.rpartition(".")[2] != "__main__":
+                tests = FINDER.find(importlib.import_module(info.name))
+                found |= {test.name: test for test in tests if test.examples}
+    return found
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in PUBLIC])
+def test_an_example_holds(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = []
+    runner = doctest.DocTestRunner(verbose=False, optionflags=doctest.ELLIPSIS | doctest.REPORT_NDIFF)
+    runner.run(examples()[name], out=said.append)
+    assert not said, "".join(said)
+
+
+def test_every_example_is_run():
+    assert set(examples()) == set(PUBLIC)

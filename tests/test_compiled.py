@@ -319,15 +319,14 @@ def scaled(value, times):
     return value * times
 
 
-@entry
 def scaled_thrice(value, times):
     return scaled(value, 2) + scaled(value, 3) + scaled(value, times)
 
 
-def test_a_part_is_compiled_once_for_its_types_whatever_literals_it_is_given():
-    assert scaled_thrice(10, 5) == 100
-    if not scaled_thrice.stats.cache_hits:
-        assert len(scaled.signatures) == 1
+def test_a_part_is_compiled_once_for_its_types_whatever_literals_it_is_given(own_cache):
+    assert entry(scaled_thrice)(10, 5) == 100
+    assert own_cache.exists()
+    assert len(scaled.signatures) == 1
 
 
 def test_borrowed_arrays_are_the_same_memory(own_cache):

@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from behaviors.schedule.course import Course
+from behaviors.schedule.recipe import read_schedule
 from behaviors.studies.chapter3 import chapter3
 from coevo.errors import InputError
+from coevo.seeds import game_seed
 from coevo.skill import load_skill
 
 SMALL = (
@@ -93,3 +96,38 @@ def test_a_set_that_fails_is_told_and_leaves_the_others(finished, tmp_path):
     assert "raise store.steps, or lower store.least_windows" in result.output
     assert "Traceback" not in result.output
     assert [path.name for path in (tmp_path / "schedule").glob("set-*")] == ["set-00"]
+
+
+@pytest.fixture
+def begun(finished, tmp_path):
+    """Return a folder with one finished set, and the checkpoint of another that has been through period A."""
+    shutil.copytree(finished / "schedule" / "set-00", tmp_path / "schedule" / "set-00")
+    schedule = read_schedule("chapter3/schedule", SMALL)
+    course = Course(schedule, int(game_seed(schedule.seed, 1)))
+    assert course.advance() == ("A", 60, 60)
+    course.save(tmp_path / "schedule" / ".set-01.npz")
+    return tmp_path
+
+
+def test_a_set_under_way_is_gone_on_with_and_leaves_no_checkpoint(finished, begun, capfd):
+    result = run(begun, "--sets", "2", "--workers", "1")
+    assert result.exit_code == 0, result.output
+    assert "1 sets to run, 1 are finished" in result.output
+    told = capfd.readouterr().err  # of the process that ran it
+    assert "schedule set 1: period B, 60 of 60 trials" in told
+    assert "period A" not in told
+    assert files(begun) == files(finished)
+
+
+def test_a_checkpoint_that_does_not_serve_is_told_with_the_remedy_and_stays(begun):
+    checkpoint = begun / "schedule" / ".set-01.npz"
+    checkpoint.write_bytes(checkpoint.read_bytes()[:-100])
+    before = checkpoint.read_bytes()
+    result = run(begun, "--sets", "2", "--workers", "1")
+    assert result.exit_code == 1
+    assert "failed: schedule set 1: " in result.output
+    assert "remove it, and the set begins anew" in result.output
+    assert "Traceback" not in result.output
+    assert checkpoint.read_bytes() == before
+    checkpoint.unlink()
+    assert run(begun, "--sets", "2", "--workers", "1").exit_code == 0

@@ -29,6 +29,7 @@ from numba import types
 from numba.core import cgutils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
@@ -139,6 +140,13 @@ class _PartCompiler(Compiler):  # type: ignore[misc]  # numba carries no types
         return super().define_pipelines()
 
 
+class _Part(CPUDispatcher):  # type: ignore[misc]  # numba carries no types
+    """A part of kernels, which Python cannot call: it has no wrapper, and the process would end without a word."""
+
+    def __call__(self, *_arguments: Any, **_named: Any) -> Any:
+        raise TypeError(f"{self.py_func.__name__} is a part of compiled kernels; Python calls entries (coevo.compiled)")
+
+
 def _part(function: _F, **options: bool) -> _F:
     compiled = numba.njit(
         no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=_PartCompiler, **_OPTIONS, **options
@@ -150,6 +158,7 @@ def _part(function: _F, **options: bool) -> _F:
         return resolve(tuple(types.unliteral(kind) for kind in arguments), plain)
 
     compiled.get_call_template = resolve_types
+    compiled.__class__ = _Part
     return cast("_F", compiled)
 
 

@@ -342,3 +342,8 @@ def test_borrowed_arrays_are_the_same_memory(own_cache):
     assert arrays[0].tolist() == [3.0, 0.0]
     assert arrays[1].tolist() == [[0.0, 0.0], [3.0, 0.0]]
     assert all(sys.getrefcount(array) < 10 for array in arrays)
+
+
+def test_a_part_says_that_python_cannot_call_it():
+    with pytest.raises(TypeError, match="uniform is a part of compiled kernels; Python calls entries"):
+        uniform(np.zeros(1, np.uint64))

@@ -74,7 +74,7 @@ def _rolls_to_mate(physics: PhysicsParams, state: NDArray[np.float64]) -> bool:
     aside = abs(to_x * state[ball, 4] - to_y * state[ball, 3]) / speed
     touch = physics.robot_radius + physics.ball_radius
     reach = 0.5 * speed * speed * physics.substep_s / physics.ball_slowing
-    return along > 0.0 and aside < _WELL_AIMED * touch and reach > _FAR_ENOUGH * (along - touch)
+    return bool(along > 0.0 and aside < _WELL_AIMED * touch and reach > _FAR_ENOUGH * (along - touch))
 
 
 @helper

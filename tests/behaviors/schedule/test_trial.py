@@ -228,8 +228,18 @@ def test_in_a_share_of_the_trials_the_passer_starts_nearer_to_the_ball(pair):
 
 def test_easy_missions_of_the_shooter_do_not_wait_for_the_passer(pair):
     changes = ("starts.passer_nearer=1.0", "time_limit_steps=1", "shooter.learning.easy_share=1.0")
-    one = pair(*changes, roles=(SKILL, LEARNER))
+
+    def forget(agents):
+        agents[SHOOTER].values = None
+
+    one = pair(*changes, roles=(SKILL, LEARNER), change=forget)
     easy = one.run((6,), 200, total=10_000)
     full = one.run((6,), 200, first=10_000, total=10_000)
     assert (easy.nearer == SHOOTER).any()
     assert (full.nearer == PASSER).all()
+
+
+def test_a_robot_that_goes_on_with_what_it_learned_has_no_easy_missions_again(pair):
+    changes = ("starts.passer_nearer=1.0", "time_limit_steps=1", "shooter.learning.easy_share=1.0")
+    found = pair(*changes, roles=(SKILL, LEARNER)).run((6,), 200, total=10_000)
+    assert (found.nearer == PASSER).all()

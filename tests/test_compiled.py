@@ -21,6 +21,7 @@ import behaviors
 import coevo
 from coevo import compiled
 from coevo.compiled import borrowed, cache_folder, entry, helper, inlined, is_compiled
+from coevo.soccer.rng import uniform
 
 ROOT = Path(coevo.__file__).parents[1]
 PACKAGES = ("coevo", "behaviors")

@@ -7,7 +7,6 @@ Intervals are 95 % ones by Student's t over sets; with one set there is none.
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from analysis._figure import Line, line_chart
 from coevo.console import output_options, show, table
 from coevo.errors import InputError
 from coevo.statistics import mean_interval
+from coevo.study import read_sets
 
 __all__ = ["Method", "read_methods", "report"]
 
@@ -57,11 +57,6 @@ class Method:
     checks: list[list[dict[str, str]]]
 
 
-def _rows(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def read_methods(folder: Path) -> list[Method]:
     """Read the sets of every method in a folder.
 
@@ -69,23 +64,18 @@ def read_methods(folder: Path) -> list[Method]:
         InputError: there is none.
     """
     methods = []
-    for path in sorted(p.parent for p in folder.glob("*/settings.json")):
-        sets = sorted(p.parent for p in path.glob("set-*/set.json"))
-        if not sets:
-            continue
-        trials = [_rows(one / "trials.csv") for one in sets]
+    for name, sets in read_sets(folder).items():
+        trials = [one.rows("trials.csv") for one in sets]
         methods.append(
             Method(
-                path.name,
-                [json.loads((one / "set.json").read_text(encoding="utf-8")) for one in sets],
+                name,
+                [one.summary for one in sets],
                 [np.array([row["period"] for row in rows]) for rows in trials],
                 [np.array([[int(row[k]) for k in ("end", "passes", "steps")] for row in rows]) for rows in trials],
-                [_rows(one / "errors.csv") for one in sets],
-                [_rows(one / "checks.csv") for one in sets],
+                [one.rows("errors.csv") for one in sets],
+                [one.rows("checks.csv") for one in sets],
             )
         )
-    if not methods:
-        raise InputError(f"{folder} holds no finished set; run 'coevo reproduce chapter3' first")
     return methods
 
 

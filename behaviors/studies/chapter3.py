@@ -6,17 +6,13 @@ goes on after an interruption. ``coevo reproduce chapter3-report`` reads the fol
 
 from __future__ import annotations
 
-import csv
-import io
 import multiprocessing
 import os
-import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import click
 import msgspec
@@ -30,6 +26,7 @@ from coevo.compiled import is_compiled
 from coevo.console import duration, note, output_options, show
 from coevo.errors import InputError
 from coevo.seeds import game_seed
+from coevo.study import StudyMethod, open_method, table_bytes, write_set
 
 __all__ = ["chapter3", "run_set"]
 
@@ -78,50 +75,18 @@ def run_set(schedule: Schedule, number: int, report: Report | None = None, *, ch
         **{f"{name}.npz": data for name, data in course.skills.items()},
         "set.json": msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n",
         "trials.csv": _trials(course.results),
-        "checks.csv": _csv(course.told["checks"]),
-        "errors.csv": _csv(course.told["traces"]),
+        "checks.csv": table_bytes(course.told["checks"]),
+        "errors.csv": table_bytes(course.told["traces"]),
     }
-
-
-def _csv(rows: Sequence[dict[str, Any]]) -> bytes:
-    text = io.StringIO()
-    if rows:
-        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    return text.getvalue().encode()
 
 
 def _trials(found: dict[str, Results]) -> bytes:
     periods = [name for name, one in found.items() for _ in one.ends]
     rows = zip(periods, *(column.tolist() for column in joined(list(found.values()))), strict=True)
-    return _csv([{"period": p, "end": e, "passes": n, "steps": s, "nearer": NAMES[r]} for p, e, n, s, r in rows])
+    return table_bytes([{"period": p, "end": e, "passes": n, "steps": s, "nearer": NAMES[r]} for p, e, n, s, r in rows])
 
 
-def _write(folder: Path, files: Files) -> None:
-    """Write a set's folder whole or not at all."""
-    partial = folder.with_name(f".{folder.name}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
-    for name, data in files.items():
-        (partial / name).write_bytes(data)
-    partial.rename(folder)
-
-
-def _prepare(folder: Path, schedule: Schedule) -> None:
-    """Make the folder of a method; one that is there must be of the same settings."""
-    text = msgspec.json.format(msgspec.json.encode(schedule), indent=2).decode() + "\n"
-    path = folder / "settings.json"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if path.exists() and path.read_text(encoding="utf-8") != text:
-            raise InputError(f"{folder} holds sets of other settings ({path}); choose another --out, or remove it")
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot write into {folder}: {error.strerror or error}; choose another --out") from None
-
-
-def _one(schedule: Schedule, number: int, folder: Path, *, quiet: bool) -> float:
+def _one(schedule: Schedule, number: int, method: StudyMethod, *, quiet: bool) -> float:
     """Run a set and write its folder; return the seconds that took."""
     name, start = f"{schedule.name} set {number}", time.monotonic()
 
@@ -129,9 +94,8 @@ def _one(schedule: Schedule, number: int, folder: Path, *, quiet: bool) -> float
         if done == total or done % max(250, total // 5 // 250 * 250) == 0:
             note(f"{name}: period {period}, {done} of {total} trials", quiet=quiet)
 
-    checkpoint = folder.with_name(f".{folder.name}.npz")
-    _write(folder, run_set(schedule, number, report, checkpoint=checkpoint))
-    checkpoint.unlink(missing_ok=True)
+    files = run_set(schedule, number, report, checkpoint=method.checkpoint(number))
+    write_set(method, number, files.pop("set.json"), files)
     return time.monotonic() - start
 
 
@@ -183,13 +147,13 @@ def chapter3(
     Example: coevo reproduce chapter3 chapter3/short --sets 2 --out runs/short
              coevo reproduce chapter3 chapter3/schedule chapter3/previous --sets 10
     """
-    tasks: list[tuple[Schedule, int, Path]] = []
+    tasks: list[tuple[Schedule, int, StudyMethod]] = []
     failed: list[str] = []
     for recipe in recipes:
         schedule = read_schedule(recipe, changes)
-        _prepare(out / schedule.name, schedule)
-        folders = [(number, out / schedule.name / f"set-{number:02d}") for number in range(sets)]
-        tasks += [(schedule, number, folder) for number, folder in folders if not folder.exists()]
+        settings = msgspec.json.format(msgspec.json.encode(schedule), indent=2).decode() + "\n"
+        method = open_method(out / schedule.name, settings)
+        tasks += [(schedule, number, method) for number in method.missing(sets)]
     finished = len(recipes) * sets - len(tasks)
     note(f"{len(tasks)} sets to run, {finished} are finished", quiet=quiet)
     if tasks and not is_compiled(run_trials):

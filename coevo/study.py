@@ -1,0 +1,135 @@
+"""The only reader and writer of a study's folder: one folder a method, with its settings, and in it one folder a set.
+
+A set's folder is written whole when the set is finished. While it is under way, a checkpoint stands beside it, in a
+file whose name begins with a dot: readers pass over it.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from coevo.errors import InputError
+
+__all__ = ["StoredSet", "StudyMethod", "open_method", "read_sets", "table_bytes", "write_set"]
+
+_SETTINGS, _SUMMARY = "settings.json", "set.json"
+
+
+@dataclass(frozen=True)
+class StudyMethod:
+    """A method's folder in a study.
+
+    Attributes:
+        folder: that holds its sets.
+    """
+
+    folder: Path
+
+    def set_folder(self, number: int) -> Path:
+        """Return where a set is, or will be."""
+        return self.folder / f"set-{number:02d}"
+
+    def missing(self, sets: int) -> list[int]:
+        """Return the numbers of the first ``sets`` that are not finished."""
+        return [number for number in range(sets) if not self.set_folder(number).exists()]
+
+    def checkpoint(self, number: int) -> Path:
+        """Return where a set that is under way is kept."""
+        return self.folder / f".{self.set_folder(number).name}.npz"
+
+
+@dataclass(frozen=True)
+class StoredSet:
+    """A finished set.
+
+    Attributes:
+        folder: where it is.
+        summary: what it came to.
+    """
+
+    folder: Path
+    summary: dict[str, Any]
+
+    def rows(self, name: str) -> list[dict[str, str]]:
+        """Return the rows of a table, such as ``trials.csv``."""
+        with (self.folder / name).open(encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
+
+
+def open_method(folder: Path, settings: str) -> StudyMethod:
+    """Make the folder of a method; one that is there must be of the same settings.
+
+    Raises:
+        InputError: it is of other settings, or cannot be written.
+    """
+    path = folder / _SETTINGS
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if path.exists() and path.read_text(encoding="utf-8") != settings:
+            raise InputError(f"{folder} holds sets of other settings ({path}); choose another --out, or remove it")
+        path.write_text(settings, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write into {folder}: {error.strerror or error}; choose another --out") from None
+    return StudyMethod(folder)
+
+
+def write_set(method: StudyMethod, number: int, summary: bytes, files: Mapping[str, bytes]) -> None:
+    """Write a set's folder whole or not at all, and remove its checkpoint; one that is there stays.
+
+    Args:
+        method, number: which set.
+        summary: JSON, what it came to.
+        files: the other files by name.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    folder = method.set_folder(number)
+    partial = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    for name, data in {**files, _SUMMARY: summary}.items():
+        (partial / name).write_bytes(data)
+    try:
+        partial.rename(folder)
+    except OSError:
+        shutil.rmtree(partial, ignore_errors=True)
+        if not folder.exists():
+            raise
+    method.checkpoint(number).unlink(missing_ok=True)
+
+
+def table_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
+    """Return rows as CSV; nothing of no rows."""
+    text = io.StringIO()
+    if rows:
+        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return text.getvalue().encode()
+
+
+def read_sets(study: Path) -> dict[str, list[StoredSet]]:
+    """Return the finished sets of every method in a study's folder, by the method's name.
+
+    Raises:
+        InputError: there is none.
+    """
+    found = {}
+    for method in sorted(path.parent for path in study.glob(f"*/{_SETTINGS}")):
+        folders = sorted(path.parent for path in method.glob(f"set-*/{_SUMMARY}"))
+        if folders:
+            found[method.name] = [
+                StoredSet(folder, json.loads((folder / _SUMMARY).read_text(encoding="utf-8"))) for folder in folders
+            ]
+    if not found:
+        raise InputError(f"{study} holds no finished set; run 'coevo reproduce chapter3' first")
+    return found

@@ -1,0 +1,69 @@
+"""Folders of studies: sets are written whole, read back as they were, and never mixed with those of other settings."""
+
+from __future__ import annotations
+
+import pytest
+
+from coevo.errors import InputError
+from coevo.study import open_method, read_sets, table_bytes, write_set
+
+ROWS = [{"period": "A", "share": 0.25}, {"period": "B, late", "share": 1.0}]
+
+
+@pytest.fixture
+def method(tmp_path):
+    """Return a method of which set 1 is finished."""
+    found = open_method(tmp_path / "previous", "{}\n")
+    write_set(found, 1, b'{"set": 1}', {"trials.csv": table_bytes(ROWS), "passer.npz": b"skill"})
+    return found
+
+
+def test_a_set_is_read_as_it_was_written(method):
+    ((name, (one,)),) = read_sets(method.folder.parent).items()
+    assert (name, one.summary) == ("previous", {"set": 1})
+    assert one.rows("trials.csv") == [{key: str(value) for key, value in row.items()} for row in ROWS]
+    assert (one.folder / "passer.npz").read_bytes() == b"skill"
+    assert method.missing(3) == [0, 2]
+
+
+def test_no_rows_are_an_empty_table(method):
+    write_set(method, 0, b"{}", {"checks.csv": table_bytes([])})
+    assert read_sets(method.folder.parent)["previous"][0].rows("checks.csv") == []
+
+
+def test_a_set_that_another_process_has_finished_stays_and_its_checkpoint_goes(method):
+    method.checkpoint(1).write_bytes(b"under way")
+    write_set(method, 1, b'{"set": "again"}', {})
+    assert read_sets(method.folder.parent)["previous"][0].summary == {"set": 1}
+    assert sorted(path.name for path in method.folder.iterdir()) == ["set-01", "settings.json"]
+
+
+def test_what_is_not_finished_is_passed_over(method):
+    method.checkpoint(0).write_bytes(b"under way")
+    (method.folder / ".set-02.77.partial").mkdir()
+    (method.folder.parent / "notes").mkdir()
+    assert [one.folder.name for one in read_sets(method.folder.parent)["previous"]] == ["set-01"]
+    with pytest.raises(InputError, match="holds no finished set; run 'coevo reproduce chapter3' first"):
+        read_sets(method.folder.parent / "notes")
+
+
+def test_a_set_that_cannot_be_written_leaves_nothing(method, monkeypatch):
+    folder = method.folder
+    write = type(folder).write_bytes
+
+    def full(path, data):
+        if path.name == "set.json":
+            raise OSError(28, "No space left on device")
+        return write(path, data)
+
+    monkeypatch.setattr(type(folder), "write_bytes", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_set(method, 0, b"{}", {"trials.csv": b""})
+    assert not method.set_folder(0).exists()
+    assert method.missing(1) == [0]
+
+
+def test_sets_of_other_settings_do_not_mix(method):
+    assert open_method(method.folder, "{}\n") == method
+    with pytest.raises(InputError, match="holds sets of other settings"):
+        open_method(method.folder, '{"trials": 1}\n')

@@ -291,22 +291,18 @@ class Run:
 
     def lock(self) -> Callable[[], None]:
         """Keep other processes from writing into this run; return what lets go of it."""
-        return _lock(self.path)
-
-
-def _lock(path: Path) -> Callable[[], None]:
-    try:
-        import fcntl
-    except ImportError:  # no such locks on this system
-        return lambda: None
-    with _writing(path):
-        file = (path / ".lock").open("w")
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        file.close()
-        raise InputError(f"{path} is being written by another coevo process; wait for it or stop it") from None
-    return file.close
+        try:
+            import fcntl
+        except ImportError:  # no such locks on this system
+            return lambda: None
+        with _writing(self.path):
+            file = (self.path / ".lock").open("w")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            file.close()
+            raise InputError(f"{self.path} is being written by another coevo process; wait for it or stop it") from None
+        return file.close
 
 
 def create_run(path: Path, settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Run:

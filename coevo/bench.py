@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -13,6 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from coevo.compiled import start_costs
 from coevo.config import RunSettings
 from coevo.evolution.evaluation import Evaluator
 from coevo.evolution.loop import evolve
@@ -30,6 +29,7 @@ __all__ = ["measure"]
 
 _GROUP = 20  # games of one grouping
 _ROUNDS = 5
+_START = "from coevo.bench import _settings; from coevo.game import warm_up; warm_up(_settings(), print)"
 
 
 def _settings() -> RunSettings:
@@ -88,6 +88,8 @@ def measure(games: int, plain_games: int, *, tell: Callable[[str], None]) -> dic
 
     tell("Timing one and two workers, and whole generations ...")
     two_workers, bookkeeping = _workers(settings)
+    tell("Compiling the games anew, and starting from the cache ...")
+    compiling, cached_start = start_costs(_START)
     return {
         "games_per_second": count / float(np.median(game_times)),
         "microseconds_per_step": game_us,
@@ -97,7 +99,8 @@ def measure(games: int, plain_games: int, *, tell: Callable[[str], None]) -> dic
         "speedup_over_plain_loop": plain_seconds / compiled_seconds,
         "two_workers_speedup": two_workers,
         "bookkeeping_share": bookkeeping,
-        "cached_start_seconds": _cached_start(),
+        "compiling_cpu_seconds": compiling,
+        "cached_start_seconds": cached_start,
         "mean_steps": steps / count,
         "games": count,
         "plain_games": plain_games,
@@ -123,14 +126,3 @@ def _workers(settings: RunSettings) -> tuple[float, float]:
                 evolve(run, evaluator, report)
     # The first generation breeds and the last does not: take those that breed.
     return float(np.median(np.array(seconds[1]) / np.array(seconds[2]))), float(np.median(shares[0::2]))
-
-
-def _cached_start() -> float:
-    """Return the seconds from the start of a new Python process until games can begin."""
-    code = "from coevo.bench import _settings; from coevo.game import warm_up; warm_up(_settings(), print)"
-    times = []
-    for _ in range(3):
-        began = time.perf_counter()
-        subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)  # noqa: S603 - our own code
-        times.append(time.perf_counter() - began)
-    return float(np.median(times))

@@ -5,8 +5,8 @@ another file would go on running the old machine code. Here the folder of the ca
 every kernel source and of the versions of the libraries, so that stale code can never be run.
 
 Parts of kernels (``helper``, ``inlined``) are compiled once for each combination of types, whatever the values: numba
-would make a copy for every literal argument such as ``t = 0``. They have no wrapper for Python, which could call them
-only by compiling them on their own: Python calls entries.
+would make a copy for every literal argument such as ``t = 0``, and machine code of every part alone. Python calls
+entries; it may call a part too, which then is compiled by itself in each process.
 """
 
 from __future__ import annotations
@@ -14,10 +14,14 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import statistics
+import subprocess
 import sys
+import tempfile
 import threading
+import time
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -33,7 +37,7 @@ from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-__all__ = ["KERNEL_SOURCES", "borrowed", "cache_folder", "entry", "helper", "inlined", "is_compiled"]
+__all__ = ["KERNEL_SOURCES", "borrowed", "cache_folder", "entry", "helper", "inlined", "is_compiled", "start_costs"]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _PACKAGES = Path(__file__).resolve().parents[1]
@@ -141,10 +145,20 @@ class _PartCompiler(Compiler):  # type: ignore[misc]  # numba carries no types
 
 
 class _Part(CPUDispatcher):  # type: ignore[misc]  # numba carries no types
-    """A part of kernels, which Python cannot call: it has no wrapper, and the process would end without a word."""
+    """A part of kernels. It has no wrapper for Python, which gets one when it calls: to try a part, or to test it."""
 
-    def __call__(self, *_arguments: Any, **_named: Any) -> Any:
-        raise TypeError(f"{self.py_func.__name__} is a part of compiled kernels; Python calls entries (coevo.compiled)")
+    def __call__(self, *arguments: Any) -> Any:
+        return self._alone(*arguments)
+
+    @cached_property
+    def _alone(self) -> Any:
+        part = self
+
+        @numba.njit(**_OPTIONS)
+        def alone(*arguments: Any) -> Any:
+            return part(*arguments)
+
+        return alone
 
 
 def _part(function: _F, **options: bool) -> _F:
@@ -195,3 +209,24 @@ def is_compiled(function: Callable[..., Any]) -> bool:
     name = getattr(function, "__qualname__", "")
     folder = cache_folder()
     return (folder.is_dir() and any(folder.glob(f"*/*.{name}-*.nbi"))) or any(folder.glob(f"*.{name}-*.nbi"))
+
+
+def start_costs(code: str) -> tuple[float, float]:
+    """Return what compiling for a program costs, and how long it takes when nothing has to be compiled.
+
+    Args:
+        code: Python code that a process of its own runs, four times.
+
+    Returns:
+        CPU seconds with an empty cache less those with a full one; seconds on the clock with a full one, the median.
+    """
+    cpu, clock = [], []
+    with tempfile.TemporaryDirectory(prefix="coevo-cache-") as folder:
+        for _ in range(4):
+            began, before = time.perf_counter(), os.times()
+            environment = os.environ | {"COEVO_CACHE_DIR": folder}
+            subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL, env=environment)  # noqa: S603 - our own code
+            after = os.times()
+            cpu.append(after.children_user + after.children_system - before.children_user - before.children_system)
+            clock.append(time.perf_counter() - began)
+    return cpu[0] - statistics.median(cpu[1:]), statistics.median(clock[1:])

@@ -26,7 +26,7 @@ from coevo.skill import ObjectModel, Skill, load_skill
 from coevo.soccer.camera import ROBOTS, camera_params, make_retina, object_count, see
 from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params
-from coevo.soccer.placement import draw_start, regions
+from coevo.soccer.placement import place, regions
 from coevo.soccer.world import World
 from coevo.tree import Tree
 
@@ -133,7 +133,7 @@ class PlainGame:
         state = np.zeros((robots + 1, 6))
         starts = regions([player.start for player in settings.players], settings.game.ball_start)
         rng = np.array([seed], np.uint64)
-        if not draw_start(physics_params(settings.world), starts, teams, state, rng):
+        if not place(physics_params(settings.world), starts, teams, state, rng):
             raise ValueError("the bodies do not fit into their start regions")
         world.place(state)
         now: dict[int, dict[str, bool]] = {}

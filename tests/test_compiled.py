@@ -20,7 +20,7 @@ from numba.core.registry import CPUDispatcher
 import behaviors
 import coevo
 from coevo import compiled
-from coevo.compiled import borrowed, cache_folder, entry, helper, inlined, is_compiled
+from coevo.compiled import borrowed, cache_folder, entry, helper, inlined, is_compiled, start_costs
 from coevo.soccer.rng import uniform
 
 ROOT = Path(coevo.__file__).parents[1]
@@ -345,6 +345,29 @@ def test_borrowed_arrays_are_the_same_memory(own_cache):
     assert all(sys.getrefcount(array) < 10 for array in arrays)
 
 
-def test_a_part_says_that_python_cannot_call_it():
-    with pytest.raises(TypeError, match="uniform is a part of compiled kernels; Python calls entries"):
-        uniform(np.zeros(1, np.uint64))
+def last_of_two(rng):
+    uniform(rng)
+    return uniform(rng)
+
+
+def test_a_part_that_python_calls_does_what_it_does_in_an_entry(own_cache):
+    one, other = np.array([7], np.uint64), np.array([7], np.uint64)
+    found = entry(last_of_two)(one)
+    assert own_cache.exists()
+    assert last_of_two(other) == found
+    assert np.array_equal(one, other)
+
+
+def test_what_only_the_first_start_does_is_the_cost_of_compiling():
+    code = """
+        import os, time
+        known = os.path.join(os.environ["COEVO_CACHE_DIR"], "known")
+        if not os.path.exists(known):
+            open(known, "w").close()
+            while time.process_time() < 1.0:
+                pass
+        time.sleep(0.2)
+        """
+    cpu, clock = start_costs(textwrap.dedent(code))
+    assert 0.5 < cpu <= 1.0
+    assert clock >= 0.2

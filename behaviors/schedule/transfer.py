@@ -19,7 +19,7 @@ from behaviors.trials.scene import Scene, no_results
 from coevo.config import WorldSettings
 from coevo.errors import InputError
 from coevo.soccer.camera import see
-from coevo.soccer.noise import blur
+from coevo.soccer.noise import blur_sight
 from coevo.soccer.vision import extract, render
 from coevo.stage import run_episode
 
@@ -69,7 +69,7 @@ class Eyes:
         features, areas = np.zeros((objects, stage.memory.features.shape[2])), np.zeros(objects)
         see(stage.camera, state, robot, 0, stage.retina, features, areas)
         if stage.camera.noise > 0.0:
-            blur(stage.camera, features, areas, rng)
+            blur_sight(stage.camera, objects, features, areas, rng)
         return features, areas
 
 

@@ -39,6 +39,7 @@ def bench(*, games: int, plain_games: int, as_json: bool, quiet: bool) -> None:
         ("compiled games are", "{speedup_over_plain_loop:10.0f} times as fast as that"),
         ("two workers are", "{two_workers_speedup:10.2f} times as fast as one"),
         ("variation and files", "{bookkeeping_share:10.1%} of a generation at full size"),
+        ("compiling anew takes", "{compiling_cpu_seconds:10.1f} CPU seconds"),
         ("start from the cache", "{cached_start_seconds:10.2f} s until games can begin"),
     ):
         click.echo(f"{label:22s} {text.format(**result)}")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.compiled import entry, helper
+from coevo.compiled import helper
 from coevo.soccer.camera import BALL, BALL_FEATURES, GOAL_FEATURES, ROBOT_FEATURES, ROBOTS, CameraParams
 from coevo.soccer.physics import PhysicsParams
 from coevo.soccer.rng import normal
 
-__all__ = ["blur", "blur_sight", "shake_drive"]
+__all__ = ["blur_sight", "shake_drive"]
 
 
 @helper
@@ -32,14 +32,6 @@ def blur_sight(
                 features[o, k] += camera.noise * normal(rng)
             areas[o] = max(1.0, areas[o] + camera.noise * np.sqrt(areas[o]) * normal(rng))
             features[o, last] = areas[o]
-
-
-@entry
-def blur(
-    camera: CameraParams, features: NDArray[np.float64], areas: NDArray[np.float64], rng: NDArray[np.uint64]
-) -> None:
-    """Call ``blur_sight`` from Python, on all objects."""
-    blur_sight(camera, areas.shape[0], features, areas, rng)
 
 
 @helper

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.compiled import entry, helper
+from coevo.compiled import helper
 from coevo.config import StartSettings
 from coevo.soccer.physics import PhysicsParams
 from coevo.soccer.rng import uniform
 
-__all__ = ["draw_start", "place", "regions"]
+__all__ = ["place", "regions"]
 
 _FACING = ("ball", "opponent_goal", "own_goal", "random")
 _GAP_M = 0.01  # bodies start at least this far apart
@@ -75,15 +75,3 @@ def place(
         towards = math.atan2(to_y - state[body, 1], to_x - state[body, 0])
         state[body, 2] = towards + where[body, 5] * (2.0 * uniform(rng) - 1.0)
     return True
-
-
-@entry
-def draw_start(
-    physics: PhysicsParams,
-    where: NDArray[np.float64],
-    teams: NDArray[np.int64],
-    state: NDArray[np.float64],
-    rng: NDArray[np.uint64],
-) -> bool:
-    """Call ``place`` from Python."""
-    return place(physics, where, teams, state, rng)

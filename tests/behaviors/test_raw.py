@@ -8,31 +8,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from behaviors.raw import RAW_COMPONENTS, _terciles, raw_model
-from coevo.compiled import entry
 from coevo.errors import InputError
-from coevo.skill import Skill, estimate, make_bank
-from coevo.skill.estimate import make_memory
+from coevo.skill import Skill, make_bank
+from coevo.skill.estimate import discrete_state, forget, make_memory, remember
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 
 WIDTH = 64.0
 PLACES = {"ball": BALL, "own_goal": OWN_GOAL, "opponent_goal": OPPONENT_GOAL, "mate": ROBOTS, "robot": ROBOTS}
-
-
-@entry
-def forget(memory):
-    """Call from Python what only compiled code can call; so do the next two."""
-    estimate.forget(memory)
-
-
-@entry
-def remember(memory, bank, robot, time, action, middle):
-    estimate.remember(memory, bank, robot, time, action, middle)
-
-
-@entry
-def discrete_state(memory, bank, skill, robot, time):
-    return estimate.discrete_state(memory, bank, skill, robot, time)
 
 
 def images(kind, rows=600, seed=1):

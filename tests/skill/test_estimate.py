@@ -7,30 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from coevo.compiled import entry
-from coevo.skill import ObjectModel, Skill, estimate, make_bank
-from coevo.skill.estimate import make_memory
+from coevo.skill import ObjectModel, Skill, make_bank
+from coevo.skill.estimate import discrete_state, forget, make_memory, remember
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, FEATURES, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 
 MIDDLE = 32.0
 FIXED = {"ball": BALL, "own_goal": OWN_GOAL, "opponent_goal": OPPONENT_GOAL}
-
-
-@entry
-def forget(memory):
-    """Call from Python what only compiled code can call; so do the next two."""
-    estimate.forget(memory)
-
-
-@entry
-def remember(memory, bank, robot, time, action, middle):
-    estimate.remember(memory, bank, robot, time, action, middle)
-
-
-@entry
-def discrete_state(memory, bank, skill, robot, time):
-    return estimate.discrete_state(memory, bank, skill, robot, time)
 
 
 def model(rng, kind, order, length, lost=2):

@@ -5,43 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from coevo.compiled import entry
 from coevo.config import PhysicsSettings, RuleSettings, WorldSettings
-from coevo.soccer import events as rules_of
-from coevo.soccer import physics, world
-from coevo.soccer.events import event_params, make_events
-from coevo.soccer.physics import physics_params
+from coevo.soccer import world
+from coevo.soccer.events import clear_events, event_params, goal_scored, make_events, out_of_field, record_contacts
+from coevo.soccer.physics import advance, physics_params
 
 WORLD = WorldSettings()
 CONTACT, RELEASE, WINDOW = 0.004, 0.02, 90  # metres, metres, steps
 APART = 1.0
 MATES = (0, 0)  # teams of robots
-
-
-@entry
-def clear_events(events):
-    """Call from Python what only compiled code can call; so do the next ones."""
-    rules_of.clear_events(events)
-
-
-@entry
-def record_contacts(limits, teams, time, ball_gap, robot_gap, events):
-    rules_of.record_contacts(limits, teams, time, ball_gap, robot_gap, events)
-
-
-@entry
-def advance(handles, params, state, commands, ball_gap, robot_gap):
-    physics.advance(handles, params, state, commands, ball_gap, robot_gap)
-
-
-@entry
-def goal_scored(params, state):
-    return rules_of.goal_scored(params, state)
-
-
-@entry
-def out_of_field(params, state, robot):
-    return rules_of.out_of_field(params, state, robot)
 
 
 def play(teams, ball, pairs=None, steps=None):

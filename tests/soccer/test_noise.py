@@ -8,24 +8,10 @@ import msgspec
 import numpy as np
 from scipy import stats
 
-from coevo.compiled import entry
 from coevo.config import CameraSettings, RobotSettings, WorldSettings
-from coevo.soccer import noise
 from coevo.soccer.camera import BALL, FEATURES, OPPONENT_GOAL, OWN_GOAL, ROBOTS, camera_params
-from coevo.soccer.noise import blur
+from coevo.soccer.noise import blur_sight, shake_drive
 from coevo.soccer.physics import physics_params
-
-
-@entry
-def shake_drive(physics, commands, robot, rng):
-    """Call from Python what only compiled code can call."""
-    noise.shake_drive(physics, commands, robot, rng)
-
-
-@entry
-def blur_some(camera, objects, features, areas, rng):
-    """Call from Python what only compiled code can call."""
-    noise.blur_sight(camera, objects, features, areas, rng)
 
 
 def test_sensor_noise_has_the_cameras_deviation_in_each_coordinate():
@@ -36,7 +22,7 @@ def test_sensor_noise_has_the_cameras_deviation_in_each_coordinate():
     drawn, areas = np.empty((count, objects, FEATURES)), np.empty((count, objects))
     for n in range(count):
         drawn[n], areas[n] = clean, (100.0, 400.0, 0.0, 225.0)
-        blur(camera, drawn[n], areas[n], rng)
+        blur_sight(camera, objects, drawn[n], areas[n], rng)
     assert np.all(drawn[:, OPPONENT_GOAL] == 30.0)  # not visible, nothing to disturb
     assert not areas[:, OPPONENT_GOAL].any()
     for thing, last, area in ((BALL, 3, 100.0), (OWN_GOAL, 10, 400.0), (ROBOTS, 4, 225.0)):
@@ -56,14 +42,14 @@ def test_noise_never_makes_a_visible_object_vanish():
     camera, rng = camera_params(world), np.array([1], np.uint64)
     for _ in range(300):
         features, areas = np.zeros((ROBOTS, FEATURES)), np.ones(ROBOTS)
-        blur(camera, features, areas, rng)
+        blur_sight(camera, ROBOTS, features, areas, rng)
         assert areas.min() >= 1.0
 
 
 def test_what_stands_for_the_nearest_robot_is_left_to_the_objects_it_is_a_copy_of():
     world = msgspec.structs.replace(WorldSettings(), camera=CameraSettings(noise_px=1.5))
     features, areas = np.full((ROBOTS + 2, FEATURES), 30.0), np.full(ROBOTS + 2, 100.0)
-    blur_some(camera_params(world), ROBOTS + 1, features, areas, np.array([1], np.uint64))
+    blur_sight(camera_params(world), ROBOTS + 1, features, areas, np.array([1], np.uint64))
     assert (features[: ROBOTS + 1, 0] != 30.0).all()
     assert (features[-1] == 30.0).all()
     assert areas[-1] == 100.0

@@ -12,7 +12,7 @@ from scipy import stats
 
 from coevo.config import StartSettings, WorldSettings
 from coevo.soccer.physics import physics_params
-from coevo.soccer.placement import draw_start, regions
+from coevo.soccer.placement import place, regions
 
 WORLD = WorldSettings()
 LENGTH, WIDTH = WORLD.field.length_m, WORLD.field.width_m
@@ -30,7 +30,7 @@ def starts(robots, ball, count, seed=1, teams=None):
     teams = np.array(teams or [0] * len(robots), np.int64)
     states = np.full((count, len(robots) + 1, 6), np.nan)
     for state in states:
-        assert draw_start(PHYSICS, where, teams, state, rng)
+        assert place(PHYSICS, where, teams, state, rng)
     return states
 
 
@@ -63,7 +63,7 @@ def off(angle):
 )
 def test_bodies_start_in_their_regions_apart_at_rest_and_facing_what_they_should(robots, ball, teams, seed):
     state, teams = np.full((len(robots) + 1, 6), np.nan), np.array(teams[: len(robots)], np.int64)
-    if not draw_start(PHYSICS, regions(robots, ball), teams, state, np.array([seed], np.uint64)):
+    if not place(PHYSICS, regions(robots, ball), teams, state, np.array([seed], np.uint64)):
         return
     assert not state[:, 3:].any()
     assert state[-1, 2] == 0.0
@@ -129,8 +129,8 @@ def test_the_same_stream_gives_the_same_start():
 def test_bodies_that_touch_in_every_place_are_refused():
     narrow = StartSettings(x_m=(2.0, 2.1), y_m=(2.0, 2.1))
     state, rng = np.zeros((3, 6)), np.array([1], np.uint64)
-    assert not draw_start(PHYSICS, regions([narrow, narrow], FAR_BALL), np.zeros(2, np.int64), state, rng)
-    assert not draw_start(PHYSICS, regions([narrow, FAR_BALL], narrow), np.zeros(2, np.int64), state, rng)
+    assert not place(PHYSICS, regions([narrow, narrow], FAR_BALL), np.zeros(2, np.int64), state, rng)
+    assert not place(PHYSICS, regions([narrow, FAR_BALL], narrow), np.zeros(2, np.int64), state, rng)
 
 
 @pytest.mark.parametrize(("apart", "fits"), [(GAP - 1e-6, False), (GAP + 1e-6, True)])
@@ -138,4 +138,4 @@ def test_bodies_fit_when_they_are_a_gap_apart(apart, fits):
     x = 2.0 + 2.0 * ROBOT + apart
     robots = [StartSettings(x_m=(2.0, 2.0), y_m=(1.0, 1.0)), StartSettings(x_m=(x, x), y_m=(1.0, 1.0))]
     state, rng = np.zeros((3, 6)), np.array([1], np.uint64)
-    assert draw_start(PHYSICS, regions(robots, FAR_BALL), np.zeros(2, np.int64), state, rng) is fits
+    assert place(PHYSICS, regions(robots, FAR_BALL), np.zeros(2, np.int64), state, rng) is fits

@@ -8,25 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coevo.compiled import entry
-from coevo.soccer import rng as streams
-
-
-@entry
-def uniform(rng):
-    """Call from Python what only compiled code can call; so do the next two."""
-    return streams.uniform(rng)
-
-
-@entry
-def below(rng, n):
-    return streams.below(rng, n)
-
-
-@entry
-def normal(rng):
-    return streams.normal(rng)
-
+from coevo.soccer.rng import below, normal, uniform
 
 # First outputs of splitmix64 for the seed 1234567, as published with the algorithm.
 PUBLISHED = (

@@ -16,25 +16,11 @@ from coevo.soccer.camera import BALL
 from coevo.soccer.drive import action_set
 from coevo.soccer.events import event_params
 from coevo.stage import CHASER, RANDOM, ROAMER, STANDING, kernels, make_venue, roles
+from coevo.stage.kernels import begin, sense
+from coevo.stage.roles import follow_script
 
 WORLD = WorldSettings()
 SPEED, TURN = WORLD.robot.max_speed_mps, math.radians(WORLD.robot.max_turn_rate_dps)
-
-
-@entry
-def begin(stage, rng):
-    """Call from Python what only compiled code can call; so do the next ones."""
-    kernels.begin(stage, rng)
-
-
-@entry
-def sense(stage, time, rng):
-    kernels.sense(stage, time, rng)
-
-
-@entry
-def follow_script(stage, robot, rng):
-    return roles.follow_script(stage, robot, rng)
 
 
 @entry

@@ -12,27 +12,13 @@ from scipy.cluster.vq import kmeans2
 
 from behaviors.coordination.areas import RELEARN, Behaviour, areas_of, component, first_values, state_values
 from behaviors.recipe import LearningSettings
-from behaviors.tabular import decisions as choices
-from behaviors.tabular import qlearning
-from behaviors.tabular.decisions import Decisions
-from behaviors.tabular.qlearning import make_learner
+from behaviors.tabular.decisions import Decisions, end_decisions
+from behaviors.tabular.qlearning import lambda_returns, make_learner
 from behaviors.tabular.table import make_table
 from behaviors.trials.task import COLLISION, FAILURE, GOING, SUCCESS
-from coevo.compiled import entry
 
 GAMMA = 0.9
 NUMBERS = make_learner(LearningSettings(gamma=GAMMA, return_lambda=0.0, alpha=1.0))
-
-
-@entry
-def lambda_returns(learner, values, visits, fixed, rows, actions, rewards, lengths, count, last):
-    """Call from Python what only compiled code can call; so does the next one."""
-    qlearning.lambda_returns(learner, values, visits, fixed, rows, actions, rewards, lengths, count, last)
-
-
-@entry
-def end_decisions(learner, table, made, last, failed):
-    choices.end_decisions(learner, table, made, last, failed)
 
 
 def behaviour(name, best, own_states, **parts):  # noqa: ANN003 - fields

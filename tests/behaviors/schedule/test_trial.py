@@ -13,7 +13,7 @@ from coevo.compiled import entry
 from coevo.skill import estimate
 from coevo.soccer.events import record_contacts
 from coevo.stage import LEARNER, SKILL, STANDING, run_episode
-from coevo.stage import kernels as stages
+from coevo.stage.kernels import sense
 
 LINE, MIDDLE = 8.22, 2.2875
 
@@ -27,11 +27,6 @@ def count_contacts(stage, time):
 @entry
 def discrete_state(stage, robot, time):
     return estimate.discrete_state(stage.memory, stage.bank, stage.roles.skill[robot], robot, time)
-
-
-@entry
-def sense(stage, time, rng):
-    stages.sense(stage, time, rng)
 
 
 # ------------------------------------------------------------------------------------------------- rewards and endings

@@ -9,31 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from behaviors.recipe import LearningSettings, read_recipe
-from behaviors.tabular import qlearning
-from behaviors.tabular.qlearning import make_learner
+from behaviors.tabular.qlearning import lambda_returns, make_learner, one_step
 from behaviors.tabular.table import all_states, make_table
 from behaviors.trials.solo import solo_scene
 from behaviors.trials.task import COLLISION, GOING, SUCCESS
-from coevo.compiled import entry
-from coevo.skill import estimate, load_skill
+from coevo.skill import load_skill
+from coevo.skill.estimate import discrete_state
 from coevo.stage import LEARNER
-
-
-@entry
-def one_step(learner, values, visits, row, action, reward, length, following):
-    """Call from Python what only compiled code can call; so do the next two."""
-    qlearning.one_step(learner, values, visits, row, action, reward, length, following)
-
-
-@entry
-def lambda_returns(learner, values, visits, fixed, rows, actions, rewards, lengths, count, last):
-    qlearning.lambda_returns(learner, values, visits, fixed, rows, actions, rewards, lengths, count, last)
-
-
-@entry
-def discrete_state(memory, bank, skill, robot, time):
-    return estimate.discrete_state(memory, bank, skill, robot, time)
-
 
 # ------------------------------------------------------------------------------------------------------- lambda-returns
 

@@ -10,18 +10,11 @@ import pytest
 
 from behaviors.learning import evaluate
 from behaviors.recipe import MoverSettings, read_recipe
-from behaviors.trials import informed
+from behaviors.trials.informed import informed_action
 from behaviors.trials.solo import provisional_skill, solo_scene
-from coevo.compiled import entry
 from coevo.stage import INFORMED
 
 GOAL = (8.22, 4.575 / 2)
-
-
-@entry
-def informed_action(task, physics, state, commands):
-    """Call from Python what only compiled code can call."""
-    return informed.informed_action(task, physics, state, commands)
 
 
 def scene_of(name, drive="pws"):

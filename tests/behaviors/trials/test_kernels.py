@@ -15,15 +15,10 @@ from behaviors.trials.solo import solo_scene
 from behaviors.trials.task import COLLISION, FAILURE, GOING, SUCCESS
 from coevo.compiled import entry
 from coevo.skill import estimate, load_skill
-from coevo.stage import CHASER, LEARNER, ROAMER, STANDING, kernels, run_episode
+from coevo.stage import CHASER, LEARNER, ROAMER, STANDING, run_episode
+from coevo.stage.kernels import sense
 
 RULE = LearningSettings(epsilon_start=0.8, epsilon_end=0.2)
-
-
-@entry
-def sense(stage, time, rng):
-    """Call from Python what only compiled code can call; so does the next one."""
-    kernels.sense(stage, time, rng)
 
 
 @entry

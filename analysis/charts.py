@@ -1,0 +1,117 @@
+"""What all charts share: one look, and one way to a file.
+
+A chart is made of a tidy table that some function returned before; nothing is computed in a chart. altair describes it
+in Vega-Lite; vl-convert makes pictures and offline pages of it, without a browser.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from coevo.errors import InputError
+from coevo.files import write_whole
+
+if TYPE_CHECKING:
+    import altair as alt
+
+__all__ = ["COLOURS", "SUFFIXES", "altair", "chart_bytes", "check_out", "save"]
+
+# Okabe and Ito's, in an order in which neighbours differ in lightness too; black is left out for dark pages.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c8c8c")
+SUFFIXES = (".svg", ".png", ".html", ".csv")
+_SCALE = 2.0  # pixels of a PNG for each of the picture's
+
+
+def altair() -> Any:
+    """Return the module, or say how to get it.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    missing = [name for name in ("altair", "vl_convert") if importlib.util.find_spec(name) is None]
+    if missing:
+        raise InputError(f"charts need {' and '.join(missing)}; install them with: pip install 'coevo[report]'")
+    import altair as alt
+
+    alt.data_transformers.disable_max_rows()
+    return alt
+
+
+def _theme() -> dict[str, Any]:
+    """Return the look of all charts, as a Vega-Lite config."""
+    soft = {"gridColor": "#dddddd", "domainColor": "#999999", "tickColor": "#999999"}
+    return {
+        "background": "white",
+        "font": "sans-serif",
+        "view": {"stroke": None},
+        "axis": {**soft, "labelFontSize": 11, "titleFontSize": 12, "titleFontWeight": "normal"},
+        "legend": {"labelFontSize": 12, "titleFontSize": 12, "symbolStrokeWidth": 3, "symbolType": "stroke"},
+        "header": {"labelFontSize": 12, "titleFontSize": 12},
+        "title": {"fontSize": 13, "fontWeight": "bold", "anchor": "start"},
+        "range": {"category": list(COLOURS)},
+        "line": {"strokeWidth": 1.8},
+    }
+
+
+def _styled(chart: alt.TopLevelMixin) -> dict[str, Any]:
+    spec: dict[str, Any] = chart.to_dict()
+    spec["config"] = {**_theme(), **{key: value for key, value in spec.get("config", {}).items() if key != "view"}}
+    return spec
+
+
+def check_out(path: Path, suffixes: Sequence[str] = SUFFIXES) -> None:
+    """Refuse a file that cannot be written, before the work that leads to it.
+
+    Raises:
+        InputError: its suffix is unknown, or there is no folder for it.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise InputError(f"expected a file ending in {', '.join(suffixes)}, got {path.name!r}")
+    if path.is_dir():
+        raise InputError(f"cannot write {path}: it is a folder; give the name of a file in it")
+    if not path.parent.is_dir():
+        raise InputError(f"cannot write {path}: there is no folder {path.parent}; make it first")
+
+
+def chart_bytes(chart: alt.TopLevelMixin, suffix: str) -> bytes:
+    """Return a chart as SVG, PNG or one offline HTML page.
+
+    Args:
+        chart: of altair.
+        suffix: ``.svg``, ``.png`` or ``.html``.
+    """
+    altair()
+    import vl_convert
+
+    spec = _styled(chart)
+    if suffix == ".png":
+        png: bytes = vl_convert.vegalite_to_png(spec, scale=_SCALE)
+        return png
+    if suffix == ".html":
+        return str(vl_convert.vegalite_to_html(spec, bundle=True)).encode()
+    return str(vl_convert.vegalite_to_svg(spec)).encode()
+
+
+def save(chart: alt.TopLevelMixin, table: pd.DataFrame, path: Path) -> None:
+    """Write a chart, or the table behind it, by the suffix of the file: whole or not at all.
+
+    Args:
+        chart: of altair.
+        table: what ``.csv`` holds.
+        path: ends in one of ``SUFFIXES``.
+
+    Raises:
+        InputError: the suffix is unknown, or the file cannot be written.
+    """
+    check_out(path)
+    suffix = path.suffix.lower()
+    data = table.to_csv(index=False).encode() if suffix == ".csv" else chart_bytes(chart, suffix)
+    try:
+        write_whole(path, data)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 import threading
@@ -25,6 +26,7 @@ __all__ = [
     "put_off_interrupt",
     "show",
     "table",
+    "worker_options",
 ]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -34,6 +36,28 @@ def output_options(command: _F) -> _F:
     """Add --json and --quiet to a command, which receives them as ``as_json`` and ``quiet``."""
     command = click.option("--quiet", "-q", is_flag=True, help="Show no progress.")(command)
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(command)
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def worker_options(command: _F) -> _F:
+    """Add --workers and --backend to a command, which receives them as ``workers`` and ``backend``."""
+    command = click.option(
+        "--backend",
+        type=click.Choice(["threads", "processes"]),
+        default="threads",
+        show_default=True,
+        help="What workers are; results do not depend on it.",
+    )(command)
+    return click.option(
+        "--workers",
+        type=click.IntRange(min=1),
+        default=_cores(),
+        show_default=True,
+        help="How many games at a time.",
+    )(command)
 
 
 def emit(data: dict[str, Any] | list[Any]) -> None:

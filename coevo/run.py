@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -288,6 +288,41 @@ class Run:
             arrays[f"codes_{robot}"] = np.concatenate(codes)
         arrays["digest"] = digest_of(arrays)
         _write_whole(self.path / "checkpoint.npz", pack_arrays(arrays))
+
+    # ---------------------------------------------------------------------------------- what was found out later
+
+    @property
+    def results(self) -> list[str]:
+        """Names of what is kept of contests and the like."""
+        return sorted(path.stem for path in (self.path / "results").glob("*.npz"))
+
+    def save_result(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Keep arrays that were found out about this run, whole or not at all."""
+        kept = {**arrays, "run": np.frombuffer(self._identity(), np.uint8)}
+        path = self.path / "results" / f"{name}.npz"
+        with _writing(path):
+            path.parent.mkdir(exist_ok=True)
+        _write_whole(path, pack_arrays({**kept, "digest": digest_of(kept)}))
+
+    def result(self, name: str) -> dict[str, NDArray[Any]] | None:
+        """Return what was kept under a name, None if nothing was.
+
+        Raises:
+            InputError: it is damaged or belongs to another run.
+        """
+        path = self.path / "results" / f"{name}.npz"
+        if not path.exists():
+            return None
+        remedy = "delete it; it is made anew when it is asked for"
+        try:
+            arrays = read_arrays(path)
+            if not np.array_equal(arrays.pop("digest"), digest_of(arrays)):
+                raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
+            if bytes(arrays.pop("run")) != self._identity():
+                raise InputError(f"{path} belongs to another run; {remedy}")
+        except (LookupError, OSError, DamagedFileError, TypeError, ValueError) as error:
+            raise InputError(f"{path} is damaged ({error}); {remedy}") from None
+        return arrays
 
     def lock(self) -> Callable[[], None]:
         """Keep other processes from writing into this run; return what lets go of it."""

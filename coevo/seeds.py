@@ -37,6 +37,11 @@ class RunStream(IntEnum):
     GAMES = 3  # of evolution: a generation, group and game
     PLAY = 4  # to look at: a game
     UNSEEN = 5  # that say how good trees are: a game
+    CHOICE = 6  # by which those are chosen that others are compared with: a game
+    TOURNAMENT = 7  # between champions of all generations: a block of starts and game
+    MEMBERS = 8  # who plays for a whole generation in a tournament: a role and generation
+    AGAIN = 10  # that champions play again: a generation, role, repetition and game
+    PARTNERS = 11  # with whom champions play again: a generation, role and repetition
     BENCH = 9  # whose speed is measured: a group and game
 
 

@@ -10,11 +10,12 @@ import pytest
 
 from coevo.config import EvaluationSettings, EvolutionSettings, FitnessSettings, ForeignSettings, GPSettings
 from coevo.errors import InputError
-from coevo.evolution.evaluation import Evaluator
+from coevo.evolution.evaluation import Evaluator, Match
 from coevo.fitness import Scorer
 from coevo.game import check_game, make_game
 from coevo.plugins import load_callable, own_file, search_folders
 from coevo.run import create_run
+from coevo.seeds import RunStream, game_seeds
 from coevo.tree import compile_program, parse, tree_codes
 
 GAME = """
@@ -210,7 +211,7 @@ def play_two_groups(folders, message, backend):
         pytest.raises(InputError, match=message),
         Evaluator(game_settings(), workers=2, backend=backend, folders=folders) as evaluator,
     ):
-        list(evaluator.play(0, [[tree, tree, None]] * 2))
+        list(evaluator.play([Match([tree, tree, None], game_seeds(1, RunStream.GAMES, count=3))] * 2))
 
 
 def test_a_run_keeps_its_own_modules(own, tmp_path):

@@ -2,44 +2,32 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import time
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from coevo.config import EvolutionSettings, RunSettings
-from coevo.console import Progress, duration, emit, note, output_options, table
+from coevo.console import Progress, duration, emit, note, output_options, table, worker_options
 from coevo.recipes import is_path, read_experiment
 
 if TYPE_CHECKING:
+    from coevo.contest import Judged
     from coevo.evolution import GenerationReport
     from coevo.run import Run
 
 __all__ = ["evolve", "resume"]
 
 
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _worker_options(command: Any) -> Any:
-    command = click.option(
-        "--backend",
-        type=click.Choice(["threads", "processes"]),
-        default="threads",
-        show_default=True,
-        help="What workers are; results do not depend on it.",
-    )(command)
-    return click.option(
-        "--workers",
-        type=click.IntRange(min=1),
-        default=_cores(),
-        show_default=True,
-        help="How many games at a time.",
-    )(command)
+_unseen_option = click.option(
+    "--unseen",
+    type=click.IntRange(min=0),
+    help="Games at the end that judge the last champions; by default a twentieth of all games, 40 to 400.",
+)
 
 
 @click.command()
@@ -47,7 +35,8 @@ def _worker_options(command: Any) -> Any:
 @click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), help="Replaces the recipe's seed.")
 @click.option("--out", type=click.Path(path_type=Path), help="Run folder; by default runs/NAME-seedN.")
 @click.option("--generations", type=click.IntRange(min=1), help="Replaces gp.generations.")
-@_worker_options
+@worker_options
+@_unseen_option
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Replaces a setting; may be repeated.")
 @output_options
 def evolve(
@@ -58,6 +47,7 @@ def evolve(
     generations: int | None,
     workers: int,
     backend: str,
+    unseen: int | None,
     assignments: tuple[str, ...],
     as_json: bool,
     quiet: bool,
@@ -85,7 +75,7 @@ def evolve(
     run = create_run(out if out is not None else _default_folder(settings), settings, folders)
     note(f"Run folder: {run.path}", quiet=quiet)
     try:
-        _go_on(run, workers, backend, as_json=as_json, quiet=quiet)
+        _go_on(run, workers, backend, unseen, as_json=as_json, quiet=quiet)
     except StartsDoNotFitError:
         shutil.rmtree(run.path)  # it could never go on
         raise
@@ -103,9 +93,10 @@ def _default_folder(settings: EvolutionSettings) -> Path:
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@_worker_options
+@worker_options
+@_unseen_option
 @output_options
-def resume(*, folder: Path, workers: int, backend: str, as_json: bool, quiet: bool) -> None:
+def resume(*, folder: Path, workers: int, backend: str, unseen: int | None, as_json: bool, quiet: bool) -> None:
     """Go on with an interrupted run from its last saved generation.
 
     \b
@@ -116,12 +107,13 @@ def resume(*, folder: Path, workers: int, backend: str, as_json: bool, quiet: bo
     run = open_run(folder)
     if run.is_finished:
         note(f"{folder} is finished: all {run.config.gp.generations} generations are there.", quiet=quiet)
-        _summarise(run, 0.0, as_json=as_json)
+        judged = _judged(run, workers, backend, unseen, quiet=quiet)
+        _summarise(run, 0.0, judged, as_json=as_json)
         return
-    _go_on(run, workers, backend, as_json=as_json, quiet=quiet)
+    _go_on(run, workers, backend, unseen, as_json=as_json, quiet=quiet)
 
 
-def _go_on(run: Run, workers: int, backend: str, *, as_json: bool, quiet: bool) -> None:
+def _go_on(run: Run, workers: int, backend: str, unseen: int | None, *, as_json: bool, quiet: bool) -> None:
     from coevo.evolution import evolve as evolve_run
     from coevo.evolution.evaluation import Evaluator, check_backend
     from coevo.game import prepare
@@ -153,7 +145,26 @@ def _go_on(run: Run, workers: int, backend: str, *, as_json: bool, quiet: bool) 
         raise
     finally:
         release()
-    _summarise(run, time.perf_counter() - began, as_json=as_json)
+    seconds = time.perf_counter() - began
+    _summarise(run, seconds, _judged(run, workers, backend, unseen, quiet=quiet), as_json=as_json)
+
+
+def _judged(run: Run, workers: int, backend: str, games: int | None, *, quiet: bool) -> list[Judged]:
+    """Let the last champions play games that evolution has not seen."""
+    from coevo.contest import judge
+    from coevo.evolution.evaluation import Evaluator, check_backend
+    from coevo.game import prepare
+
+    check_backend(backend)
+    gp = run.config.gp
+    if games is None:
+        games = min(400, max(40, gp.generations * gp.population * run.config.evaluation.games // 20))
+    if games == 0:
+        return []
+    prepare(run.config, lambda text: note(text, quiet=quiet))
+    note(f"Judging the last champions by {games} games that evolution has not seen ...", quiet=quiet)
+    with Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator:
+        return list(judge(run, evaluator, games=games))
 
 
 def _line(of: GenerationReport, generations: int, left: float) -> str:
@@ -165,7 +176,7 @@ def _line(of: GenerationReport, generations: int, left: float) -> str:
     )
 
 
-def _summarise(run: Run, seconds: float, *, as_json: bool) -> None:
+def _summarise(run: Run, seconds: float, judged: Sequence[Judged], *, as_json: bool) -> None:
     settings = run.config
     last = settings.gp.generations - 1
     robots: dict[str, dict[str, Any]] = {}
@@ -187,6 +198,7 @@ def _summarise(run: Run, seconds: float, *, as_json: bool) -> None:
                 "games": games,
                 "seconds": round(seconds, 3),
                 "robots": robots,
+                "unseen": [asdict(one) for one in judged],
             }
         )
         return
@@ -198,9 +210,40 @@ def _summarise(run: Run, seconds: float, *, as_json: bool) -> None:
         [name, f"{r['best_fitness']:.3f}", *(str(r[column]) for column in header[1:])] for name, r in robots.items()
     ]
     click.echo(table(["robot", *header], rows))
-    click.echo(f"({' and '.join(shown)}: of {settings.evaluation.games} games; smaller fitness is better)")
-    click.echo(f"\nRun folder: {run.path}")
-    click.echo(f"  Look at a tree:   coevo inspect {run.path} --robot {next(iter(robots))} --simplified")
-    watch = " --video game.html" if isinstance(settings, RunSettings) else ""
-    click.echo(f"  Let them play:    coevo play {run.path}{watch}")
-    click.echo(f"  Fitness curves:   {run.path / 'generations.csv'}")
+    what = f"{' and '.join(shown)}: of {settings.evaluation.games} games; smaller fitness is better"
+    click.echo(f"({what}. The best is the luckiest of {settings.gp.population}, too.)")
+    if judged:
+        click.echo(f"\n{_verdict(judged)}")
+    click.echo(f"\nRun folder: {run.path}. What next:")
+    click.echo(f"  One page to read and show:  coevo report {run.path}")
+    click.echo(f"  What a robot does:          coevo inspect {run.path} --robot {next(iter(robots))}")
+    watch = " --games 3 --video game.html" if isinstance(settings, RunSettings) else ""
+    click.echo(f"  Let them play:              coevo play {run.path}{watch}")
+
+
+def _verdict(judged: Sequence[Judged]) -> str:
+    """Return the shares of unseen games won as a table, and in words what may be said."""
+    header = ["team", "last champions", "first champions", "best single skills"]
+    rows, words = [], []
+    for one in judged:
+        who = ", ".join(one.robots)
+        rows.append(
+            [who, *(f"{x:.3f} [{low:.3f}, {high:.3f}]" for x, low, high in (one.last, one.first, one.single_skills))]
+        )
+        skills = ", ".join(one.skills.values())
+        words.append(
+            f"{who}: {_compared(one.over_first)} the first champions,"
+            f" {_compared(one.over_single_skills)} single skills ({skills})"
+        )
+    title = f"Share of {judged[0].games} unseen games won, with its 95 % interval"
+    others = ", all against the last champions of the other team" if len(judged) > 1 else ""
+    return "\n".join([f"{title}{others}:", table(header, rows), *words])
+
+
+def _compared(above: tuple[float, float, float]) -> str:
+    difference, low, high = above
+    if low > 0.0:
+        return f"better by {difference:.3f} [{low:.3f}, {high:.3f}] than"
+    if high < 0.0:
+        return f"worse by {-difference:.3f} [{-high:.3f}, {-low:.3f}] than"
+    return f"not told apart ({difference:+.3f} [{low:+.3f}, {high:+.3f}]) from"

@@ -1,11 +1,11 @@
-"""Play the games of a generation, on several workers."""
+"""Play games on several workers: those of a generation, and those of contests."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import msgspec
 import numpy as np
@@ -18,12 +18,23 @@ from coevo.plugins import own_failure
 from coevo.seeds import RunStream, game_seeds
 from coevo.tree import Program
 
-__all__ = ["Evaluator", "check_backend", "group_seeds"]
+__all__ = ["Evaluator", "Match", "check_backend", "group_seeds"]
 
 _JOBLIB = {"threads": "threading", "processes": "loky"}
 
 _local = threading.local()
 _with_game: set[threading.Thread] = set()
+
+
+class Match(NamedTuple):
+    """Games between the same trees.
+
+    programs: for each role that evolves its tree, None for the others.
+    seeds: (games,) uint64, a game each.
+    """
+
+    programs: Sequence[Program | None]
+    seeds: NDArray[np.uint64]
 
 
 def group_seeds(run_seed: int, generation: int, group: int, games: int) -> NDArray[np.uint64]:
@@ -41,14 +52,11 @@ def _game(settings: bytes, folders: Sequence[Path]) -> tuple[EvolutionSettings, 
     return _local.settings, _local.game
 
 
-def _play(
-    data: bytes, folders: Sequence[Path], generation: int, group: int, programs: Sequence[Program | None]
-) -> Played:
+def _play(data: bytes, folders: Sequence[Path], match: Match) -> Played:
     settings, game = _game(data, folders)
-    seeds = group_seeds(settings.seed, generation, group, settings.evaluation.games)
     try:
-        played = game.play(programs, seeds)
-        check_played(game, played, programs, len(seeds))
+        played = game.play(match.programs, match.seeds)
+        check_played(game, played, match.programs, len(match.seeds))
     except InputError:
         raise
     except Exception as error:
@@ -69,7 +77,7 @@ def check_backend(backend: str) -> None:
 
 
 class Evaluator:
-    """Plays whole generations; use it as a context, so that its workers end with it.
+    """Plays many matches at a time; use it as a context, so that its workers end with it.
 
     Args:
         settings: the experiment.
@@ -100,9 +108,6 @@ class Evaluator:
             thread.join()
         _with_game.clear()
 
-    def play(self, generation: int, groups: Sequence[Sequence[Program | None]]) -> Iterator[Played]:
-        """Yield what happened in each group's games, in the order of the groups."""
-        yield from self._parallel(
-            self._task(self._settings, self._folders, generation, group, programs)
-            for group, programs in enumerate(groups)
-        )
+    def play(self, matches: Iterable[Match]) -> Iterator[Played]:
+        """Yield what happened in each match, in their order."""
+        yield from self._parallel(self._task(self._settings, self._folders, match) for match in matches)

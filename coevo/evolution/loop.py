@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.config import EvolutionSettings
-from coevo.evolution.evaluation import Evaluator
+from coevo.evolution.evaluation import Evaluator, Match, group_seeds
 from coevo.evolution.grouping import random_groups
 from coevo.evolution.population import Individual, breed, codes_of, first_population, individual_of
 from coevo.fitness import Scorer
@@ -103,6 +103,13 @@ def _rebuild(run: Run, functions: Mapping[int, FunctionSet]) -> Checkpoint:
     return Checkpoint(generation + 1, populations)
 
 
+def _matches(settings: EvolutionSettings, generation: int, teams: Sequence[Sequence[Program | None]]) -> list[Match]:
+    games = settings.evaluation.games
+    return [
+        Match(programs, group_seeds(settings.seed, generation, group, games)) for group, programs in enumerate(teams)
+    ]
+
+
 def evolve(run: Run, evaluator: Evaluator, report: Callable[[GenerationReport], None]) -> None:
     """Bring a run to its last generation, from wherever it is.
 
@@ -114,7 +121,7 @@ def evolve(run: Run, evaluator: Evaluator, report: Callable[[GenerationReport], 
     Example:
         >>> from pathlib import Path
         >>> from coevo.evolution import evolve
-        >>> from coevo.evolution.evaluation import Evaluator
+        >>> from coevo.evolution.evaluation import Evaluator, Match, group_seeds
         >>> from coevo.recipes import read_experiment
         >>> from coevo.run import create_run
         >>> small = ["gp.population=4", "gp.generations=2", "gp.tournament=2", "evaluation.games=1"]
@@ -143,7 +150,7 @@ def evolve(run: Run, evaluator: Evaluator, report: Callable[[GenerationReport], 
                 members[population.role] = population.programs[individual]
             teams.append(members)
         playing = time.perf_counter()
-        outcomes = list(evaluator.play(generation, teams))
+        outcomes = list(evaluator.play(_matches(settings, generation, teams)))
         played = time.perf_counter()
         sums = _summed(outcomes, game.counts)
         records = [

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from coevo.errors import InputError
-from coevo.evolution.evaluation import Evaluator, check_backend, group_seeds
+from coevo.evolution.evaluation import Evaluator, Match, check_backend, group_seeds
 from coevo.evolution.grouping import random_groups
 from coevo.evolution.population import breed, codes_of, first_population, individual_of
 from coevo.fitness import fixed, varying
@@ -242,7 +242,10 @@ def test_outcomes_come_in_the_order_of_the_groups(small_settings):
         for g in range(settings.gp.population)
     ]
     with Evaluator(settings, workers=2, backend="threads") as evaluator:
-        together = list(evaluator.play(5, teams))
+        matches = [
+            Match(team, group_seeds(settings.seed, 5, g, settings.evaluation.games)) for g, team in enumerate(teams)
+        ]
+        together = list(evaluator.play(matches))
     game = SoccerGame(settings)
     for group, (outcome, team) in enumerate(zip(together, teams, strict=True)):
         alone = game.play(team, group_seeds(settings.seed, 5, group, settings.evaluation.games))
@@ -261,7 +264,8 @@ def test_workers_end_with_their_evaluator_even_if_it_is_interrupted(small_settin
     try:
         with pytest.raises(KeyboardInterrupt), Evaluator(settings, workers=2, backend="threads") as evaluator:  # noqa: PT012
             ctrl_c.start()
-            list(itertools.chain.from_iterable(evaluator.play(0, [[alone] * 3] * 2) for _ in range(100)))
+            matches = [Match([alone] * 3, group_seeds(1, 0, group, 3000)) for group in range(2)]
+            list(itertools.chain.from_iterable(evaluator.play(matches) for _ in range(100)))
     finally:
         signal.signal(signal.SIGINT, handler)
     ctrl_c.join()

@@ -1,0 +1,5 @@
+"""Commands that read runs; each hangs on ``coevo`` by an entry point."""
+
+from analysis.commands.tournament import tournament
+
+__all__ = ["tournament"]

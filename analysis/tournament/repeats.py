@@ -1,0 +1,158 @@
+"""How much of a champion's fitness is left when it plays again.
+
+The best of a generation is good, and lucky too: its advantage over the mean of its population was measured in the same
+games that it was chosen by. Played again, from other starts and with other partners and opponents of the same
+generation, an advantage that was luck is gone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from coevo.evolution.evaluation import Evaluator, Match
+from coevo.fitness import Scorer
+from coevo.records import GenerationRecord
+from coevo.run import Run
+from coevo.seeds import RunStream, game_seeds, generator
+from coevo.tree import Program, compile_program
+
+__all__ = ["Left", "left_over", "play_again"]
+
+_RESAMPLES = 2000
+
+
+def _name(generations: Sequence[int], repeats: int) -> str:
+    step = generations[1] - generations[0] if len(generations) > 1 else 1
+    return f"again-{repeats}x{len(generations)}-every{step}-to{generations[-1]}"
+
+
+def play_again(
+    run: Run,
+    evaluator: Evaluator,
+    *,
+    generations: Sequence[int],
+    repeats: int,
+    report: Callable[[int, int], None] | None = None,
+) -> pd.DataFrame:
+    """Let the champions of generations play again, or read what they did from the run folder.
+
+    Args:
+        run: with these generations finished.
+        evaluator: plays.
+        generations: which.
+        repeats: how often; each time as many games as in evolution, with partners and opponents drawn anew.
+        report: called after each generation with how many are done, and of how many.
+
+    Returns:
+        a row a generation and robot: ``generation``, ``robot``, ``fitness`` (as evolution saw it), ``mean`` (of its
+        population), ``again`` (mean of the repeats), ``spread`` (standard deviation of one repeat).
+    """
+    name = _name(generations, repeats)
+    kept = run.result(name)
+    robots = list(run.evolving.values())
+    if kept is None:
+        rows = []
+        for done, generation in enumerate(generations):
+            rows.append(_of_generation(run, evaluator, generation, repeats))
+            if report is not None:
+                report(done + 1, len(generations))
+        kept = {"fitness": np.array(rows)}  # (generations, robots, 4)
+        run.save_result(name, kept)
+    values = kept["fitness"].reshape(-1, 4)
+    table = pd.DataFrame(values, columns=["fitness", "mean", "again", "spread"])
+    table.insert(0, "generation", np.repeat(list(generations), len(robots)))
+    table.insert(1, "robot", robots * len(generations))
+    return table
+
+
+def _of_generation(run: Run, evaluator: Evaluator, generation: int, repeats: int) -> list[list[float]]:
+    config, game = run.config, run.game
+    scorer = Scorer(config, game.counts, run.folders)
+    records = run.records(generation)
+    matches = [
+        Match(
+            _partners(run, records, record.role, generation, k),
+            game_seeds(config.seed, RunStream.AGAIN, generation, record.role, k, count=config.evaluation.games),
+        )
+        for record in records
+        for k in range(repeats)
+    ]
+    outcomes = evaluator.play(matches)
+    found = []
+    for record in records:
+        played = [next(outcomes) for _ in range(repeats)]
+        counts = {
+            name: np.array([one.counts[name][:, record.role].sum() for one in played], np.int64) for name in game.counts
+        }
+        again = np.asarray(scorer(counts, generation), np.float64)
+        spread = float(again.std(ddof=1)) if repeats > 1 else 0.0
+        best = float(record.fitness[record.order[0]])
+        found.append([best, float(record.fitness.mean()), float(again.mean()), spread])
+    return found
+
+
+def _partners(
+    run: Run, records: Sequence[GenerationRecord], role: int, generation: int, repeat: int
+) -> list[Program | None]:
+    """Return the champion of a role among others of its generation, drawn at random."""
+    draw = generator(run.config.seed, RunStream.PARTNERS, generation, role, repeat)
+    programs: list[Program | None] = [None] * len(run.game.roles)
+    for record in records:
+        drawn = int(draw.integers(len(record.codes)))
+        chosen = int(record.order[0]) if record.role == role else drawn
+        programs[record.role] = compile_program(record.codes[chosen], run.game.function_set(record.role))
+    return programs
+
+
+@dataclass(frozen=True)
+class Left:
+    """The share of champions' advantage over the mean that is left when they play again.
+
+    Attributes:
+        robot: whose champions.
+        share: 1 if all of it is left, 0 if none. low, high: its 95 % interval over generations.
+        generations: how many.
+    """
+
+    robot: str
+    share: float
+    low: float
+    high: float
+    generations: int
+
+
+def left_over(table: pd.DataFrame) -> list[Left]:
+    """Return for each robot how much of its champions' advantage is left.
+
+    The share is that of sums over generations, as single advantages may be small. The interval is a bootstrap over
+    generations, which are alike in a run; what another run would give, only other runs tell.
+
+    Args:
+        table: of ``play_again``.
+    """
+    found = []
+    for robot, rows in table.groupby("robot", sort=False):
+        first = (rows["mean"] - rows["fitness"]).to_numpy()
+        again = (rows["mean"] - rows["again"]).to_numpy()
+        total = float(first.sum())
+        share = float(again.sum()) / total if total else 0.0
+        low = high = share
+        if len(rows) > 2 and total:
+            from scipy import stats
+
+            interval = stats.bootstrap(
+                (again, first),
+                lambda a, f, axis=-1: a.sum(axis=axis) / f.sum(axis=axis),
+                paired=True,
+                vectorized=True,
+                method="percentile",
+                n_resamples=_RESAMPLES,
+                rng=np.random.default_rng(0),
+            ).confidence_interval
+            low, high = float(interval.low), float(interval.high)
+        found.append(Left(str(robot), share, low, high, len(rows)))
+    return found

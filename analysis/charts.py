@@ -19,7 +19,7 @@ from coevo.files import write_whole
 if TYPE_CHECKING:
     import altair as alt
 
-__all__ = ["COLOURS", "SUFFIXES", "altair", "chart_bytes", "check_out", "save"]
+__all__ = ["COLOURS", "SUFFIXES", "altair", "chart_bytes", "check_out", "save", "spec_of", "theme"]
 
 # Okabe and Ito's, in an order in which neighbours differ in lightness too; black is left out for dark pages.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c8c8c")
@@ -42,25 +42,32 @@ def altair() -> Any:
     return alt
 
 
-def _theme() -> dict[str, Any]:
-    """Return the look of all charts, as a Vega-Lite config."""
-    soft = {"gridColor": "#dddddd", "domainColor": "#999999", "tickColor": "#999999"}
+def theme(*, dark: bool = False) -> dict[str, Any]:
+    """Return the look of all charts, as a Vega-Lite config.
+
+    Args:
+        dark: for a dark page; the background is then the page's own.
+    """
+    ink, soft, line = ("#e8ecef", "#a3afb8", "#3a444b") if dark else ("#14191d", "#56616a", "#d9dee2")
+    titles = {"titleColor": ink, "labelColor": soft, "labelFontSize": 11, "titleFontSize": 12}
     return {
-        "background": "white",
+        "background": "transparent" if dark else "white",
         "font": "sans-serif",
         "view": {"stroke": None},
-        "axis": {**soft, "labelFontSize": 11, "titleFontSize": 12, "titleFontWeight": "normal"},
-        "legend": {"labelFontSize": 12, "titleFontSize": 12, "symbolStrokeWidth": 3, "symbolType": "stroke"},
-        "header": {"labelFontSize": 12, "titleFontSize": 12},
-        "title": {"fontSize": 13, "fontWeight": "bold", "anchor": "start"},
+        "axis": {**titles, "gridColor": line, "domainColor": soft, "tickColor": soft, "titleFontWeight": "normal"},
+        "legend": {**titles, "labelFontSize": 12, "symbolStrokeWidth": 3},
+        "header": {"labelColor": ink, "titleColor": ink, "labelFontSize": 12, "titleFontSize": 12},
+        "title": {"color": ink, "fontSize": 13, "fontWeight": "bold", "anchor": "start"},
+        "text": {"color": ink},
         "range": {"category": list(COLOURS)},
         "line": {"strokeWidth": 1.8},
     }
 
 
-def _styled(chart: alt.TopLevelMixin) -> dict[str, Any]:
+def spec_of(chart: alt.TopLevelMixin) -> dict[str, Any]:
+    """Return a chart as Vega-Lite, without a look."""
     spec: dict[str, Any] = chart.to_dict()
-    spec["config"] = {**_theme(), **{key: value for key, value in spec.get("config", {}).items() if key != "view"}}
+    spec.pop("config", None)
     return spec
 
 
@@ -88,7 +95,7 @@ def chart_bytes(chart: alt.TopLevelMixin, suffix: str) -> bytes:
     altair()
     import vl_convert
 
-    spec = _styled(chart)
+    spec = {**spec_of(chart), "config": theme()}
     if suffix == ".png":
         png: bytes = vl_convert.vegalite_to_png(spec, scale=_SCALE)
         return png

@@ -55,7 +55,7 @@ def theme(*, dark: bool = False) -> dict[str, Any]:
         "font": "sans-serif",
         "view": {"stroke": None},
         "axis": {**titles, "gridColor": line, "domainColor": soft, "tickColor": soft, "titleFontWeight": "normal"},
-        "legend": {**titles, "labelFontSize": 12, "symbolStrokeWidth": 3},
+        "legend": {**titles, "labelFontSize": 12, "symbolStrokeWidth": 3, "symbolOpacity": 1.0},
         "header": {"labelColor": ink, "titleColor": ink, "labelFontSize": 12, "titleFontSize": 12},
         "title": {"color": ink, "fontSize": 13, "fontWeight": "bold", "anchor": "start"},
         "text": {"color": ink},

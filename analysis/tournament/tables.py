@@ -7,7 +7,7 @@ import pandas as pd
 
 from analysis.tournament.against import Against
 from analysis.tournament.play import Tournament
-from coevo.statistics import mean_interval, share_interval
+from coevo.statistics import share_interval
 
 __all__ = ["against_table", "master_table", "matrix_table", "side_name"]
 
@@ -42,13 +42,15 @@ def matrix_table(tournament: Tournament) -> pd.DataFrame:
 def master_table(tournament: Tournament) -> pd.DataFrame:
     """Return the master tournament: a row a side and generation, its mean over all it met.
 
-    Columns: ``side``, ``generation``, ``share``, ``low``, ``high``: the interval is over those it met.
+    Columns: ``side``, ``generation``, ``share``, ``low``, ``high``: the interval is that of its games, against just these
+    opponents.
     """
     rows = []
     for side in range(len(tournament.teams)):
         for generation, shares in zip(tournament.generations, tournament.share(side), strict=True):
-            mean, low, high = mean_interval(shares)
-            rows.append((side_name(tournament, side), generation, mean, max(0.0, low), min(1.0, high)))
+            games = len(shares) * tournament.games
+            won = round(float(shares.sum()) * tournament.games)
+            rows.append((side_name(tournament, side), generation, won / games, *share_interval(won, games)))
     return pd.DataFrame(rows, columns=["side", "generation", "share", "low", "high"])
 
 

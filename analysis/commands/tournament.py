@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from analysis.progress import Diagnosis
     from analysis.tournament import Against, Left, Tournament
 
 __all__ = ["tournament"]
 
+_OUTSIDE = 2  # times as many games of a generation against an outsider as of a pair
 _SHOWN = 10  # generations in the table
 _MISFIT = 1.5  # chi-square a degree of freedom above which one number a champion is too few
 
@@ -110,7 +110,9 @@ def tournament(
                     run, evaluator, generations=generations, games=games, individuals=individuals, report=steps.report
                 )
             with _Steps("outsiders", quiet=quiet) as steps:
-                against = play_against(run, evaluator, known, generations=generations, games=games, report=steps.report)
+                against = play_against(
+                    run, evaluator, known, generations=generations, games=_OUTSIDE * games, report=steps.report
+                )
             left: list[Left] = []
             if repeats:
                 with _Steps("generations played again", quiet=quiet) as steps:
@@ -164,12 +166,12 @@ def _write(out: Path, played: Tournament) -> None:
 
 def _told(played: Tournament, against: Against, left: Sequence[Left]) -> tuple[dict[str, Any], str]:
     """Return what is told as JSON, and as text."""
-    from analysis.progress import diagnose
-    from analysis.tournament import rate
+    from analysis.tournament import diagnoses, rate
+    from analysis.tournament.dynamics import TOO_FEW
     from analysis.tournament.tables import against_table, master_table, side_name
 
     sides = {team: side_name(played, at) for at, team in enumerate(played.teams)}
-    found: list[Diagnosis] = [diagnose(played.share(at), games=played.games) for at in range(len(sides))]
+    found = diagnoses(played)
     master, outside = master_table(played), against_table(against, sides)
     ratings = rate(played) if len(sides) > 1 else None
     data: dict[str, Any] = {
@@ -182,11 +184,11 @@ def _told(played: Tournament, against: Against, left: Sequence[Left]) -> tuple[d
                 "robots": list(played.robots[at]),
                 "wins": played.share(at).tolist(),
                 "lost": played.lost(at).tolist(),
-                "diagnosis": sorted(found[at].labels),
+                "diagnosis": sorted(of.labels) if (of := found[at]) else [],
             }
             for at, team in enumerate(played.teams)
         ],
-        "diagnosis": sorted({label for one in found for label in one.labels}),
+        "diagnosis": sorted({label for one in found if one for label in one.labels}),
         "master": master.to_dict("records"),
         "against": outside.to_dict("records"),
         "ratings": [] if ratings is None else ratings.table.to_dict("records"),
@@ -194,7 +196,8 @@ def _told(played: Tournament, against: Against, left: Sequence[Left]) -> tuple[d
         "again": [asdict(one) for one in left],
     }
     lines = [
-        f"{side}: {', '.join(sorted(of.labels))}. {of.text}" for side, of in zip(sides.values(), found, strict=True)
+        f"{side}: {', '.join(sorted(of.labels))}. {of.text}" if of else f"{side}: {TOO_FEW}"
+        for side, of in zip(sides.values(), found, strict=True)
     ]
     lines += [
         f"{one.robot}: {one.share:.0%} [{one.low:.0%}, {one.high:.0%}] of its champions' advantage over their"

@@ -7,6 +7,7 @@ from analysis.tournament.against import (
     read_outsider,
     single_skill_outsiders,
 )
+from analysis.tournament.dynamics import diagnoses
 from analysis.tournament.play import (
     INDIVIDUALS,
     Tournament,
@@ -25,6 +26,7 @@ __all__ = [
     "Ratings",
     "Tournament",
     "chosen_generations",
+    "diagnoses",
     "left_over",
     "play_again",
     "play_against",

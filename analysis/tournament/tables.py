@@ -42,8 +42,8 @@ def matrix_table(tournament: Tournament) -> pd.DataFrame:
 def master_table(tournament: Tournament) -> pd.DataFrame:
     """Return the master tournament: a row a side and generation, its mean over all it met.
 
-    Columns: ``side``, ``generation``, ``share``, ``low``, ``high``: the interval is that of its games, against just these
-    opponents.
+    Columns: ``side``, ``generation``, ``share``, ``low``, ``high``: the interval is that of its games, against just
+    these opponents.
     """
     rows = []
     for side in range(len(tournament.teams)):

@@ -42,6 +42,7 @@ class RunStream(IntEnum):
     MEMBERS = 8  # who plays for a whole generation in a tournament: a role and generation
     AGAIN = 10  # that champions play again: a generation, role, repetition and game
     PARTNERS = 11  # with whom champions play again: a generation, role and repetition
+    CROSS = 12  # between champions of different runs: a block of starts and game
     BENCH = 9  # whose speed is measured: a group and game
 
 

@@ -7,6 +7,7 @@ from analysis.tournament.against import (
     read_outsider,
     single_skill_outsiders,
 )
+from analysis.tournament.cross import cross_play, same_game
 from analysis.tournament.dynamics import diagnoses
 from analysis.tournament.play import (
     INDIVIDUALS,
@@ -26,6 +27,7 @@ __all__ = [
     "Ratings",
     "Tournament",
     "chosen_generations",
+    "cross_play",
     "diagnoses",
     "left_over",
     "play_again",
@@ -33,6 +35,7 @@ __all__ = [
     "play_tournament",
     "rate",
     "read_outsider",
+    "same_game",
     "single_skill_outsiders",
     "stored_tournaments",
 ]

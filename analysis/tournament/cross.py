@@ -1,0 +1,72 @@
+"""Last champions of runs against those of other runs: which way of evolving makes the better teams?
+
+Each run's champions of a side meet the other side's of every run, its own too. So all are judged by the same opponents,
+and from the same starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+import pandas as pd
+
+from coevo.config import ForeignSettings, RunSettings
+from coevo.contest import LineUp, champions, evolving_teams, line_up
+from coevo.errors import InputError
+from coevo.evolution.evaluation import Evaluator, Match
+from coevo.run import Run
+from coevo.seeds import RunStream, game_seeds
+
+__all__ = ["cross_play", "same_game"]
+
+# How a run evolves, which says nothing about the game.
+_HOW = {"name", "seed", "gp", "fitness", "evaluation"}
+
+
+def same_game(runs: Sequence[Run]) -> bool:
+    """Return whether runs are about the same game, so that their champions can meet."""
+
+    def about(run: Run) -> bytes:
+        config = run.config
+        assert isinstance(config, (RunSettings, ForeignSettings))
+        parts = {name: value for name, value in msgspec.to_builtins(config).items() if name not in _HOW}
+        return msgspec.json.encode(parts, order="sorted")
+
+    return len({about(run) for run in runs}) == 1
+
+
+def cross_play(runs: Sequence[Run], names: Sequence[str], evaluator: Evaluator, *, games: int) -> pd.DataFrame:
+    """Let the last champions of runs meet.
+
+    Args:
+        runs: of the same game, each with a finished generation.
+        names: of the runs.
+        evaluator: plays, for any of the runs.
+        games: of each pair.
+
+    Returns:
+        a row a side and pair: ``side`` (names of its robots), ``run``, ``met``, ``share`` of games that the side won. A
+        team that plays alone meets nobody: ``met`` is then the number of a set of starts.
+
+    Raises:
+        InputError: the runs are about different games.
+    """
+    if not same_game(runs):
+        raise InputError("champions of different games cannot meet; give runs whose game and world are the same")
+    game, root = runs[0].game, runs[0].config.seed
+    last = [champions(run, run.finished - 1) for run in runs]
+    teams = evolving_teams(game)
+    pairs = [(team, a, b) for team in teams for a in range(len(runs)) for b in range(len(runs))]
+    blocks = [game_seeds(root, RunStream.CROSS, block, count=games) for block in range(len(runs))]
+    matches = []
+    for team, a, b in pairs:
+        others: list[LineUp] = [part for other, part in last[b].items() if other != team]
+        matches.append(Match(line_up(game, last[a][team], *others), blocks[(a + b) % len(runs)]))
+    rows = []
+    for (team, a, b), played in zip(pairs, evaluator.play(matches), strict=True):
+        side = ", ".join(game.roles[role].name for role in last[a][team])
+        met = str(b) if len(teams) == 1 else names[b]
+        rows.append((side, names[a], met, float(np.mean(played.winner == team))))
+    return pd.DataFrame(rows, columns=["side", "run", "met", "share"])

@@ -1,0 +1,57 @@
+"""Champions of runs against those of other runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from analysis.tournament import cross_play, same_game
+from coevo.contest import champions, line_up
+from coevo.errors import InputError
+from coevo.evolution.evaluation import Evaluator
+from coevo.game import SoccerGame
+from coevo.run import create_run
+from coevo.seeds import RunStream, game_seeds
+
+
+@pytest.fixture(scope="module")
+def three_runs(small_settings, go_on, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("three")
+    fitness = ("fixed", "fixed", "varying")
+    return [
+        go_on(create_run(folder / f"run{seed}", small_settings(f"seed={seed}", f"fitness.kind={kind}")))
+        for seed, kind in enumerate(fitness)
+    ]
+
+
+def meet(runs, names=None):
+    names = names or [run.path.name for run in runs]
+    with Evaluator(runs[0].config, workers=2, backend="threads", folders=runs[0].folders) as evaluator:
+        return cross_play(runs, names, evaluator, games=5)
+
+
+def test_every_pair_is_what_its_games_played_alone_give(three_runs):
+    table = meet(three_runs).set_index(["side", "run", "met"])["share"]
+    game = SoccerGame(three_runs[0].config)
+    for a, mine in enumerate(three_runs):
+        for b, other in enumerate(three_runs):
+            seeds = game_seeds(0, RunStream.CROSS, (a + b) % 3, count=5)
+            played = game.play(line_up(game, champions(mine, 2)[0], champions(other, 2)[1]), seeds)
+            assert table["r0, r1", f"run{a}", f"run{b}"] == np.mean(played.winner == 0)
+            assert table["r2", f"run{b}", f"run{a}"] == np.mean(played.winner == 1)
+    assert len(table) == 18
+
+
+def test_only_champions_of_one_game_meet(three_runs, small_settings, go_on, tmp_path, ladder):
+    assert same_game(three_runs)
+    longer = go_on(create_run(tmp_path / "longer", small_settings("game.time_limit_steps=91")))
+    assert not same_game([three_runs[0], longer])
+    with pytest.raises(InputError, match="champions of different games cannot meet"):
+        meet([three_runs[0], longer])
+    assert not same_game([ladder(2), ladder(2, luck=1.0)])
+
+
+def test_a_team_alone_meets_nobody(ladder):
+    table = meet([ladder(1), ladder(1)], names=["a", "b"])
+    assert table["met"].tolist() == ["0", "1", "0", "1"]
+    assert table["share"].tolist() == [1.0] * 4

@@ -11,7 +11,7 @@ from coevo.tree.rules import question
 from coevo.tree.text import Tree
 from coevo.vocabulary import SKILLS
 
-__all__ = ["TERMINAL_COLOURS", "as_dot", "as_svg", "as_text", "terminal_colours"]
+__all__ = ["TERMINAL_COLOURS", "as_dot", "as_svg", "as_text", "percent", "terminal_colours"]
 
 # Of terminals, in pictures of trees and of games: apart for any eye, light enough for dark letters, and used again
 # when there are more.
@@ -35,12 +35,12 @@ def _label(part: Part) -> str:
     if part.kind == "same":
         return f"always {part.name}: {part.nodes} nodes"
     if part.kind == "rare":
-        used = ", ".join(f"{name} {_percent(steps / (part.steps or 1), 0)}" for name, steps in part.use[:2])
+        used = ", ".join(f"{name} {percent(steps / (part.steps or 1), 0)}" for name, steps in part.use[:2])
         return f"rarely used, {part.nodes} nodes: {used}{', ...' if len(part.use) > 2 else ''}"
     return question(part.name)
 
 
-def _percent(share: float, digits: int = 1) -> str:
+def percent(share: float, digits: int = 1) -> str:
     """Return a share in per cent; what is there is never told as nothing, nor what lacks a little as all."""
     least = 10.0 ** -(digits + 2)
     if 0.0 < share < 0.5 * least:
@@ -75,7 +75,7 @@ def as_text(tree: Tree, steps: Steps | None = None, *, fold: float | None = None
     lines = []
     for part in parts:
         share = _share(part, parts)
-        use = "" if share is None else f"{_percent(share):>7}  "
+        use = "" if share is None else f"{percent(share):>7}  "
         answer = f"{part.answer}: " if part.answer else ""
         lines.append(f"{use}{'  ' * part.depth}{answer}{_label(part)}")
     return "\n".join(lines)
@@ -93,7 +93,7 @@ def as_dot(
     ]
     for part in parts:
         share = _share(part, parts)
-        use = "" if share is None else f"\\n{_percent(share)}"
+        use = "" if share is None else f"\\n{percent(share)}"
         look = ', color="#94a3b8", fontcolor="#64748b"' if part.steps == 0 else ""
         if part.kind in ("terminal", "same") and part.steps != 0:
             look = f', fillcolor="{colours[part.name]}"'
@@ -125,5 +125,5 @@ def as_svg(
     labels = [_label(part) for part in parts]
     found = [_share(part, parts) for part in parts]
     shares = None if found[0] is None else [share or 0.0 for share in found]
-    told = None if shares is None else [_percent(share) for share in shares]
+    told = None if shares is None else [percent(share) for share in shares]
     return svg_of(parts, labels, shares, told, _colours(tree, terminals), title or "A tree", tree.nodes)

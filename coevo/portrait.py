@@ -69,7 +69,11 @@ def _unused(used: UsedTree) -> str:
         text = f"{unused} of its {nodes} {'was' if unused == 1 else 'were'} never used in its {games}"
     else:
         text = f"All of its {nodes} were used in its {games}" if used.tree.nodes > 1 else f"It has {nodes}"
-    return f"{text}; {_counted(left, 'node')} would do the same." if left < used.tree.nodes else f"{text}."
+    return (
+        f"{text}; {_counted(left, 'node')} would do the same in every situation."
+        if left < used.tree.nodes
+        else f"{text}."
+    )
 
 
 def _cases(used: UsedTree) -> list[str]:

@@ -42,12 +42,12 @@ def _label(part: Part) -> str:
 
 def percent(share: float, digits: int = 1) -> str:
     """Return a share in per cent; what is there is never told as nothing, nor what lacks a little as all."""
-    least = 10.0 ** -(digits + 2)
-    if 0.0 < share < 0.5 * least:
+    text, least = f"{share:.{digits}%}", 10.0 ** -(digits + 2)
+    if share > 0.0 and text == f"{0.0:.{digits}%}":
         return f"<{least:.{digits}%}"
-    if 1.0 - 0.5 * least < share < 1.0:
+    if share < 1.0 and text == f"{1.0:.{digits}%}":
         return f">{1.0 - least:.{digits}%}"
-    return f"{share:.{digits}%}"
+    return text
 
 
 def _share(part: Part, parts: Sequence[Part]) -> float | None:

@@ -15,7 +15,7 @@ from coevo.tree.fold import Part
 
 __all__ = ["svg_of"]
 
-_ROW, _BOX, _INDENT = 27.0, 20.0, 22.0  # px: height of a row, of a box in it, and width of a step to the right
+_ROW, _BOX, _INDENT = 25.0, 20.0, 22.0  # px: height of a row, of a box in it, and width of a step to the right
 _MARGIN, _HEAD = 14.0, 48.0
 _LETTER, _SMALL = 7.2, 6.2  # px, the widest usual sans-serif's mean letter at 13 and at 11 px
 _TRUNK = 10.0  # px from a box's left edge to the line that leaves it downwards

@@ -11,6 +11,14 @@ from coevo.statistics import share_interval
 
 __all__ = ["describe", "make_card", "measure"]
 
+# What a skill of each task does, where its recipe has no description of its own.
+_TASKS = {
+    "shoot": "drives the ball into the opponent's goal",
+    "pass": "plays the ball to its team mate",
+    "avoid": "keeps clear of the nearest robot",
+    "search": "turns and moves until the ball is in view",
+}
+
 
 def make_card(recipe: Recipe, skill: Skill, *, games: int, seed: int) -> dict[str, Any]:
     """Measure a skill on unseen starts and return its card: plain data."""
@@ -18,6 +26,7 @@ def make_card(recipe: Recipe, skill: Skill, *, games: int, seed: int) -> dict[st
     return {
         "name": skill.name,
         "task": recipe.task,
+        "description": recipe.description or _TASKS[recipe.task],
         "drive": skill.drive,
         "learned_with": {"seed": recipe.seed, "trials": recipe.trials},
         "digest": skill.digest,

@@ -47,6 +47,7 @@ __all__ = [
 # differ from their default, so that learning such a skill again gives the same bytes.
 _YOUNGER = (
     "kind",
+    "description",
     "objects.estimator",
     "objects.lost_states",
     "learning.update",
@@ -157,6 +158,7 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
     kind: Literal["skill"] = "skill"
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]  # a part of the folder's name
     task: Literal["shoot", "pass", "avoid", "search"]
+    description: Annotated[str, Meta(max_length=200)] = ""  # what it does, going on from its name; empty: by its task
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     trials: Annotated[int, Meta(ge=1, le=10_000_000)] = 25_000  # [T] a period
     time_limit_steps: Annotated[int, Meta(ge=1, le=100_000)] = 900  # 30 s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,21 @@ from numpy.typing import NDArray
 from coevo.evolution.evaluation import group_seeds
 from coevo.run import Run
 from coevo.seeds import RunStream, game_seeds
-from coevo.tree import Program, Tree, compile_program
+from coevo.tree import FunctionSet, Program, Tree, compile_program, simplify
+from coevo.tree.draw import as_svg
+from coevo.tree.fold import FOLD
+from coevo.tree.rules import Rule, leaf_rules
 
-__all__ = ["TreeUsage", "merge_usage", "play_seeds", "tree_usage"]
+__all__ = [
+    "TreeUsage",
+    "UsedTree",
+    "last_generation",
+    "merge_usage",
+    "play_seeds",
+    "tree_usage",
+    "used_tree",
+    "without_unused",
+]
 
 
 @dataclass(frozen=True)
@@ -27,6 +40,111 @@ class TreeUsage:
     node_steps: NDArray[np.int64]
     skill_use: dict[str, float]
     steps: int
+
+
+@dataclass(frozen=True)
+class UsedTree:
+    """A tree of a run with what became of it in the games that it was scored by; a notebook shows its picture.
+
+    Attributes:
+        robot, generation, rank: which tree; rank 0 is the best of its generation.
+        tree: as it was bred.
+        usage: what became of it.
+        functions: what it is made of.
+        games: how many it was scored by.
+        fitness: its own.
+        generation_fitness: (population,) float64, of all trees of its robot in its generation, best first.
+    """
+
+    robot: str
+    generation: int
+    rank: int
+    tree: Tree
+    usage: TreeUsage
+    functions: FunctionSet
+    games: int
+    fitness: float
+    generation_fitness: NDArray[np.float64]
+
+    @cached_property
+    def simplified(self) -> Tree:
+        """The simplified tree, which does the same in every situation."""
+        return simplify(self.tree, self.functions)
+
+    @cached_property
+    def simplified_steps(self) -> NDArray[np.int64]:
+        """(nodes,) int64, how often each node of the simplified tree was passed."""
+        return merge_usage(self.tree, self.usage.node_steps, self.simplified)
+
+    @cached_property
+    def rules(self) -> list[Rule]:
+        """When each leaf of the simplified tree is reached, those that decided most first: all that the tree does."""
+        return _most_used(leaf_rules(self.simplified, self.functions, self.simplified_steps))
+
+    @cached_property
+    def in_use(self) -> tuple[Tree, NDArray[np.int64]]:
+        """The tree without what was never used, simplified again, and its steps: what it did in its games, no more."""
+        kept, steps = without_unused(self.simplified, self.simplified_steps)
+        smaller = simplify(kept, self.functions)
+        return smaller, merge_usage(kept, steps, smaller)
+
+    @cached_property
+    def rules_in_use(self) -> list[Rule]:
+        """The rules of ``in_use``: shorter than ``rules``, and true of the games that were played."""
+        tree, steps = self.in_use
+        return _most_used(leaf_rules(tree, self.functions, steps))
+
+    @property
+    def title(self) -> str:
+        """Which tree it is, for headings."""
+        return f"{self.robot}, generation {self.generation}, rank {self.rank}"
+
+    def _repr_svg_(self) -> str:
+        """Return the simplified tree as a picture, folded by use."""
+        return as_svg(
+            self.simplified,
+            self.simplified_steps,
+            fold=FOLD,
+            terminals=self.functions.terminals,
+            title=f"{self.title}, simplified",
+        )
+
+
+def _most_used(rules: list[Rule]) -> list[Rule]:
+    return sorted(rules, key=lambda rule: -(rule.steps or 0))
+
+
+def last_generation(run: Run) -> int:
+    """Return the number of the last finished generation; 0 if there is none."""
+    return max(run.finished - 1, 0)
+
+
+def used_tree(run: Run, robot: str | None = None, generation: int | None = None, rank: int = 0) -> UsedTree:
+    """Play the games of a tree again and return it with its use.
+
+    Args:
+        run: a run folder.
+        robot: whose tree; by default that of the first that evolves.
+        generation: by default the last that is finished.
+        rank: 0 is the best of the generation.
+
+    Raises:
+        InputError: there is no such robot, generation or rank.
+    """
+    robot = robot or next(iter(run.evolving.values()))
+    generation = last_generation(run) if generation is None else generation
+    tree, rows = run.tree(robot, generation, rank), run.record(generation, robot)
+    return UsedTree(
+        robot,
+        generation,
+        rank,
+        tree,
+        tree_usage(run, generation, int(rows["group"].iloc[rank]), robot),
+        run.game.function_set(run.number_of(robot)),
+        run.config.evaluation.games,
+        float(rows["fitness"].iloc[rank]),
+        rows["fitness"].to_numpy(np.float64),
+    )
 
 
 def play_seeds(seed: int, games: int) -> NDArray[np.uint64]:
@@ -76,6 +194,26 @@ def merge_usage(tree: Tree, node_steps: NDArray[np.int64], smaller: Tree) -> NDA
                 node = node + 1 if answers[smaller.names[node]] else smaller.second[node]
             steps[node] += node_steps[leaf]
     return _add_up(steps, smaller.second)
+
+
+def without_unused(tree: Tree, steps: NDArray[np.int64]) -> tuple[Tree, NDArray[np.int64]]:
+    """Return a tree without its unused branches, and the steps of what is left; all of it if nothing was counted.
+
+    A question that was always answered alike gives way to the branch that was taken.
+    """
+    kept: list[int] = []
+    stack = [0]
+    while stack:
+        node = stack.pop()
+        while tree.second[node] and steps[node]:
+            first, second = node + 1, tree.second[node]
+            if steps[first] and steps[second]:
+                break
+            node = first if steps[first] else second
+        kept.append(node)
+        if tree.second[node]:
+            stack += [tree.second[node], node + 1]
+    return Tree(tuple(tree.names[node] for node in kept)), steps[kept]
 
 
 def _paths(tree: Tree) -> list[tuple[int, dict[str, bool]]]:

@@ -28,11 +28,13 @@ from coevo.cli import main
 from coevo.errors import InputError
 from coevo.evolution.evaluation import group_seeds
 from coevo.game import Arena, function_set
+from coevo.portrait import portrait
 from coevo.replay import trace_digest
 from coevo.run import create_run, open_run
 from coevo.skill import load_skill, skill_path
 from coevo.tree import compile_program, parse, simplify, tree_codes
-from coevo.usage import play_seeds
+from coevo.tree.fold import fold_tree
+from coevo.usage import play_seeds, used_tree
 
 LONG = "a" * 300  # longer than names of files may be
 # What `coevo` runs; with the signal as it is at a terminal, even if these tests run in the background.
@@ -498,19 +500,63 @@ def test_inspect_shows_the_best_of_the_last_generation_by_default(coevo, small_r
 
 
 @pytest.mark.parametrize("simplified", [False, True])
-def test_inspect_draws_every_node(simplified, coevo, small_run):
+def test_inspect_draws_every_node_if_told_to(simplified, coevo, small_run):
     tree = small_run.tree("r1", 2)
     shown = simplify(tree) if simplified else tree
-    arguments = ["--robot", "r1", *(["--simplified"] if simplified else [])]
+    arguments = ["--robot", "r1", "--all", *(["--simplified"] if simplified else [])]
     text = coevo("inspect", small_run.path, *arguments).out
     assert f"the tree: depth {tree.depth}, nodes {tree.nodes}" in text
-    assert len(re.findall(r"^ *[\d.]+%  ", text, re.MULTILINE)) == shown.nodes
+    lines = text.partition("simplified: depth")[2]
+    assert len(re.findall(r"^ *[<>]?[\d.]+%  ", lines, re.MULTILINE)) == shown.nodes
     dot = coevo("inspect", small_run.path, *arguments, "--format", "dot").out
     assert dot.startswith("digraph")
     assert len(re.findall(r"^  n\d+ \[", dot, re.MULTILINE)) == shown.nodes
-    svg = ET.fromstring(coevo("inspect", small_run.path, *arguments, "--format", "svg").out)  # noqa: S314 - our own
-    boxes = [box for box in svg.iter("{http://www.w3.org/2000/svg}rect") if box.get("width") != "100%"]
-    assert len(boxes) == shown.nodes
+    assert len(boxes_of(coevo("inspect", small_run.path, *arguments, "--format", "svg").out)) == shown.nodes
+
+
+def boxes_of(svg):
+    """Return the kinds of the boxes in a picture."""
+    rects = ET.fromstring(svg).iter("{http://www.w3.org/2000/svg}rect")  # noqa: S314 - our own
+    return [rect.get("class") for rect in rects if rect.get("class") != "paper"]
+
+
+def test_inspect_folds_what_was_hardly_used(coevo, small_run):
+    arguments = ["inspect", small_run.path, "--robot", "r1", "--generation", 0, "--rank", 1, "--format", "svg"]
+    whole, usual, most = (boxes_of(coevo(*arguments, *more).out) for more in (["--all"], [], ["--fold", "0.9"]))
+    used = used_tree(small_run, "r1", 0, 1)
+    for share, boxes in ((None, whole), (0.005, usual), (0.9, most)):
+        assert boxes.count("question") == sum(
+            part.kind == "question" for part in fold_tree(used.tree, used.usage.node_steps, share)
+        )
+    assert len(whole) > len(usual) >= len(most)
+    refused(coevo("inspect", small_run.path, "--all", "--fold", "0.1"), "--all folds nothing")
+
+
+def test_inspect_begins_with_what_the_robot_does(coevo, small_run):
+    used = used_tree(small_run, "r2")
+    text = coevo("inspect", small_run.path, "--robot", "r2").out
+    head, said = text.split("\n\n", 1)
+    assert head == f"r2, generation 2, rank 0: fitness {used.fitness:.4f}"
+    assert said.startswith("r2 plays ")
+    assert portrait(used, f"coevo play {small_run.path} --generation 2 --games 1000") in said
+    (best,) = [name for name, share in used.usage.skill_use.items() if share == max(used.usage.skill_use.values())]
+    assert f"\n{best} {used.usage.skill_use[best]:.1%}: " in said  # what the skill does, from its card
+
+
+def test_rules_of_inspect_say_how_each_terminal_was_used(coevo, small_run):
+    data = one_object(coevo("inspect", small_run.path, "--robot", "r1", "--generation", 0, "--json"))
+    for rules in (data["rules"], data["rules_in_use"]):
+        assert {frozenset(rule) for rule in rules} == {frozenset({"when", "terminal", "share"})}
+        for name, share in data["skill_use"].items():
+            assert sum(rule["share"] for rule in rules if rule["terminal"] == name) == pytest.approx(share)
+    assert len(data["rules"]) == (data["simplified"]["nodes"] + 1) // 2
+    assert all(rule["share"] > 0.0 for rule in data["rules_in_use"])
+    assert data["never_used"] == data["node_steps"].count(0)
+    rows = small_run.record(0, "r1")["fitness"]
+    assert data["generation_fitness"] == pytest.approx(
+        {"individuals": 6, "best": rows.min(), "mean": rows.mean(), "worst": rows.max()}
+    )
+    assert set(data["descriptions"]) == {"shoot", "pass", "avoid", "search"}
 
 
 # --------------------------------------------------------------------------------------------------------- games

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,12 +20,10 @@ if TYPE_CHECKING:
 
     from coevo.run import Run
     from coevo.tree import Program
+    from coevo.tree.rules import Rule
+    from coevo.usage import UsedTree
 
 __all__ = ["inspect", "play"]
-
-
-def _last(run: Run, generation: int | None) -> int:
-    return max(run.finished - 1, 0) if generation is None else generation
 
 
 @click.command()
@@ -34,6 +33,12 @@ def _last(run: Run, generation: int | None) -> int:
 @click.option("--rank", type=click.IntRange(min=0), default=0, show_default=True, help="0 is the best.")
 @click.option("--simplified", is_flag=True, help="Show the simplified tree, which does the same.")
 @click.option("--format", "kind", type=click.Choice(["text", "json", "dot", "svg"]), default="text", show_default=True)
+@click.option("--all", "whole", is_flag=True, help="Show every node, folding nothing.")
+@click.option(
+    "--fold",
+    type=click.FloatRange(0.0, 1.0),
+    help="Fold branches that carried less than this share of the steps.  [default: 0.005]",
+)
 @output_options
 def inspect(
     *,
@@ -43,58 +48,87 @@ def inspect(
     rank: int,
     simplified: bool,
     kind: str,
+    whole: bool,
+    fold: float | None,
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Show a tree of a run, its fitness, and how often each branch and skill was used.
+    """Say what a robot of a run does, and show its tree with how often each branch was used.
+
+    Branches that were never used, or hardly ever, are folded, and those whose questions never mattered.
 
     \b
     Example: coevo inspect runs/smoke-seed0 --robot r1 --simplified
              coevo inspect runs/smoke-seed0 --robot r1 --simplified --format svg > tree.svg
     """
     from coevo.game import prepare
+    from coevo.portrait import portrait
     from coevo.run import open_run
-    from coevo.tree import simplify
     from coevo.tree.draw import as_dot, as_svg, as_text
-    from coevo.usage import merge_usage, tree_usage
+    from coevo.tree.fold import FOLD
+    from coevo.usage import used_tree
 
+    if whole and fold is not None:
+        raise InputError("--all folds nothing and --fold says what to fold; give one of them")
     run = open_run(folder)
-    robot = robot or next(iter(run.evolving.values()))
-    generation = _last(run, generation)
-    tree = run.tree(robot, generation, rank)
-    row = run.record(generation, robot).iloc[rank]
     prepare(run.config, lambda text: note(text, quiet=quiet))
-    usage = tree_usage(run, generation, int(row["group"]), robot)
-    functions = run.game.function_set(run.number_of(robot))
-    smaller = simplify(tree, functions)
-    shown, steps = (smaller, merge_usage(tree, usage.node_steps, smaller)) if simplified else (tree, usage.node_steps)
+    used = used_tree(run, robot, generation, rank)
+    tree, smaller, terminals = used.tree, used.simplified, used.functions.terminals
+    shown, steps = (smaller, used.simplified_steps) if simplified else (tree, used.usage.node_steps)
+    share = None if whole else FOLD if fold is None else fold
     if as_json or kind == "json":
-        emit(
-            {
-                "robot": robot,
-                "generation": generation,
-                "rank": rank,
-                "tree": str(tree),
-                "depth": tree.depth,
-                "nodes": tree.nodes,
-                "fitness": float(row["fitness"]),
-                "simplified": {"tree": str(smaller), "depth": smaller.depth, "nodes": smaller.nodes},
-                "skill_use": usage.skill_use,
-                "node_steps": [int(count) for count in usage.node_steps],
-                "steps": usage.steps,
-            }
-        )
+        emit(_told(used))
     elif kind == "dot":
-        click.echo(as_dot(shown, steps, terminals=functions.terminals))
+        click.echo(as_dot(shown, steps, fold=share, terminals=terminals))
     elif kind == "svg":
-        click.echo(as_svg(shown, steps, terminals=functions.terminals))
+        title = f"{used.title}{', simplified' if simplified else ''}"
+        click.echo(as_svg(shown, steps, fold=share, terminals=terminals, title=title))
     else:
-        use = ", ".join(f"{name} {share:.1%}" for name, share in usage.skill_use.items())
-        click.echo(f"{robot}, generation {generation}, rank {rank}: fitness {row['fitness']:.4f}")
+        click.echo(f"{used.title}: fitness {used.fitness:.4f}\n")
+        play_more = shlex.join(["coevo", "play", str(folder), "--generation", str(used.generation), "--games", "1000"])
+        click.echo(f"{portrait(used, play_more)}\n")
         click.echo(f"the tree: depth {tree.depth}, nodes {tree.nodes}")
         click.echo(f"simplified: depth {smaller.depth}, nodes {smaller.nodes}")
-        click.echo(f"terminals used: {use}")
-        click.echo(f"\n{as_text(shown, steps)}")
+        click.echo(f"\n{as_text(shown, steps, fold=share)}")
+
+
+def _told(used: UsedTree) -> dict[str, Any]:
+    """Return a tree and its use as plain data."""
+    from coevo.portrait import portrait, questions
+
+    def plain(rules: Sequence[Rule]) -> list[dict[str, Any]]:
+        return [{"when": rule.when, "terminal": rule.terminal, "share": rule.share} for rule in rules]
+
+    fitness = used.generation_fitness
+    return {
+        "robot": used.robot,
+        "generation": used.generation,
+        "rank": used.rank,
+        "tree": str(used.tree),
+        "depth": used.tree.depth,
+        "nodes": used.tree.nodes,
+        "fitness": used.fitness,
+        "generation_fitness": {
+            "individuals": len(fitness),
+            "best": float(fitness.min()),
+            "mean": float(fitness.mean()),
+            "worst": float(fitness.max()),
+        },
+        "simplified": {
+            "tree": str(used.simplified),
+            "depth": used.simplified.depth,
+            "nodes": used.simplified.nodes,
+        },
+        "skill_use": used.usage.skill_use,
+        "descriptions": dict(used.functions.descriptions),
+        "questions": questions(used),
+        "rules": plain(used.rules),
+        "rules_in_use": plain(used.rules_in_use),
+        "text": portrait(used),
+        "node_steps": [int(count) for count in used.usage.node_steps],
+        "never_used": int((used.usage.node_steps == 0).sum()),
+        "steps": used.usage.steps,
+    }
 
 
 @click.command()
@@ -131,10 +165,10 @@ def play(
     from coevo.config import RunSettings
     from coevo.game import prepare
     from coevo.run import open_run
-    from coevo.usage import play_seeds
+    from coevo.usage import last_generation, play_seeds
 
     run = open_run(folder)
-    generation = _last(run, generation)
+    generation = last_generation(run) if generation is None else generation
     programs = best_programs(run, generation)
     prepare(run.config, lambda text: note(text, quiet=quiet))
     if isinstance(run.config, RunSettings):

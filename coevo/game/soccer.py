@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from coevo.config import RunSettings
 from coevo.game.arena import Arena, Outcome
 from coevo.game.contract import Played, Role
+from coevo.skill import skill_description
 from coevo.soccer.conditions import Condition, function_names, soccer_conditions, things_of
 from coevo.tree import FunctionSet, Program, object_situations
 from coevo.vocabulary import SKILLS
@@ -19,7 +20,11 @@ __all__ = ["SoccerGame", "function_set"]
 
 
 def function_set(
-    robot: int, robots: int, added: Iterable[Condition] = (), terminals: Sequence[str] = SKILLS
+    robot: int,
+    robots: int,
+    added: Iterable[Condition] = (),
+    terminals: Sequence[str] = SKILLS,
+    descriptions: Mapping[str, str] | None = None,
 ) -> FunctionSet:
     """Return the function set of one of ``robots`` robots: 28 functions with two, 35 with three (6.4.1, 6.4.2).
 
@@ -27,9 +32,10 @@ def function_set(
         robot, robots: who asks, and how many there are.
         added: conditions beside those of Table 6.1; their functions come after all of these.
         terminals: names of the skills.
+        descriptions: what the skills do, in words.
     """
     situations = tuple(object_situations(thing) for thing in things_of(robot, robots))
-    return FunctionSet(function_names(robot, robots, added), tuple(terminals), situations)
+    return FunctionSet(function_names(robot, robots, added), tuple(terminals), situations, descriptions or {})
 
 
 class SoccerGame:
@@ -73,7 +79,9 @@ class SoccerGame:
     def _functions(self) -> tuple[FunctionSet, ...]:
         _, added = soccer_conditions(self.settings.categories, self.settings.conditions)
         robots = len(self.roles)
-        return tuple(function_set(robot, robots, added, tuple(self.settings.terminals)) for robot in range(robots))
+        terminals = self.settings.terminals
+        said = {name: words for name, source in terminals.items() if (words := skill_description(source))}
+        return tuple(function_set(robot, robots, added, tuple(terminals), said) for robot in range(robots))
 
     def function_set(self, role: int) -> FunctionSet:
         """Return what the trees of a robot are made of."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from itertools import cycle
 from typing import TYPE_CHECKING
+
+from coevo.tree.draw import terminal_colours
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,8 +34,6 @@ __all__ = [
 TEAMS = ("blue", "yellow")
 TEAM_COLOURS = ("#1d5fe0", "#f7c800")
 ROBOT_COLOURS = ("#8b5cf6", "#f472b6", "#f1f5f9", "#8a4b14", "#1f2937", "#22d3ee")
-# Apart for any eye, light enough for dark letters, and used again when there are more skills.
-_SKILL_COLOURS = ("#e8641b", "#56b4e9", "#f0e442", "#a6a6a6", "#cc79a7", "#2fb58c", "#d2b48c", "#b39ddb")
 BALL, FLOOR, WALL, SURROUND, INK, PAPER = "#e01b24", "#2f7148", "#f4f4f0", "#20262b", "#101418", "#f2f4f5"
 
 _SIGHT_M = 2.0  # the robot sees farther; a longer wedge would hide the game
@@ -47,7 +46,7 @@ def robot_names(settings: RunSettings) -> list[str]:
 
 def skill_colours(settings: RunSettings) -> list[tuple[str, str]]:
     """Return name and colour of each terminal, in their order."""
-    return list(zip(settings.terminals, cycle(_SKILL_COLOURS), strict=False))
+    return list(terminal_colours(settings.terminals).items())
 
 
 def winner(settings: RunSettings, trace: Trace) -> int:

@@ -27,6 +27,7 @@ __all__ = [
     "load_skill",
     "pack_models",
     "read_card",
+    "skill_description",
     "skill_path",
     "state_count",
     "unpack_models",
@@ -326,3 +327,18 @@ def read_card(source: str | Path) -> dict[str, Any]:
     except ValueError:
         raise InputError(f"{path} is not valid JSON; make it again with 'coevo skills evaluate'") from None
     return card if isinstance(card, dict) else {}
+
+
+def skill_description(source: str | Path) -> str:
+    """Return what a skill does in words that go on a sentence: of its card, else of the recipe in its file; or "".
+
+    Example:
+        >>> from coevo.skill import skill_description
+        >>> skill_description("shoot")
+        "drives the ball into the opponent's goal"
+    """
+    try:
+        said = read_card(source).get("description") or load_skill(source).about.get("recipe", {}).get("description")
+    except (InputError, AttributeError):  # what is wrong with it is told where it is used
+        return ""
+    return " ".join(said.split()) if isinstance(said, str) else ""

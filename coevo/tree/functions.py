@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from deap import gp
@@ -30,6 +31,8 @@ class FunctionSet:
         terminals: names that do not begin so; what a tree decides for.
         situations: for each group of functions whose answers depend on each other, all that can be true at a time.
             A function in no group is a question of its own. Only ``coevo.tree.simplify`` looks at them.
+        descriptions: what a terminal does, in words that go on a sentence ("drives the ball into the goal"), for any
+            of them: for people, who read it beside the name.
 
     Raises:
         ValueError: a name cannot be used, or there are too many.
@@ -43,6 +46,7 @@ class FunctionSet:
     functions: tuple[str, ...]
     terminals: tuple[str, ...]
     situations: tuple[Situations, ...] = ()
+    descriptions: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
         if not self.functions or not self.terminals:
@@ -55,6 +59,9 @@ class FunctionSet:
                 )
         if len(set(self.names)) < len(self.names):
             raise ValueError("expected every name of a function set once")
+        unknown = sorted(set(self.descriptions) - set(self.terminals))
+        if unknown:
+            raise ValueError(f"descriptions: {unknown[0]!r} is no terminal; they are {', '.join(self.terminals)}")
         if len(self.names) > _MOST_NAMES:
             raise ValueError(f"expected at most {_MOST_NAMES} functions and terminals, got {len(self.names)}")
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from coevo.tree.functions import FunctionSet, Situations
 from coevo.tree.text import Tree
 from coevo.vocabulary import CATEGORIES, PREFIX, is_standard
 
-__all__ = ["object_situations", "simplify"]
+__all__ = ["condition_groups", "object_situations", "simplify"]
 
 
 def object_situations(thing: str) -> Situations:
@@ -34,35 +34,59 @@ def simplify(tree: Tree, functions: FunctionSet | None = None) -> Tree:
         >>> print(simplify(parse("IF_ball_is_lost(IF_ball_is_left(shoot, search), avoid)")))
         IF_ball_is_lost(search, avoid)
     """
+    groups, number = condition_groups(tree.names, functions)
+    return Tree(tuple(_simplify(tree, number, groups)))
+
+
+def condition_groups(
+    names: Iterable[str], functions: FunctionSet | None = None
+) -> tuple[tuple[Situations, ...], dict[str, int]]:
+    """Return what can be true at a time of conditions that depend on each other, and the group of each condition.
+
+    Args:
+        names: of nodes of a tree; a condition that depends on no other is a group of its own.
+        functions: says which depend on each other; without it they are those of Table 6.1.
+    """
+    asked = {name for name in names if name.startswith(PREFIX)}
     if functions is not None:
         groups = functions.situations
     else:
-        asked = {
-            name[len(PREFIX) :].rsplit("_is_", 1)[0] for name in tree.names if "_is_" in name and is_standard(name)
-        }
-        groups = tuple(object_situations(thing) for thing in sorted(asked))
+        things = {name[len(PREFIX) :].rsplit("_is_", 1)[0] for name in asked if "_is_" in name and is_standard(name)}
+        groups = tuple(object_situations(thing) for thing in sorted(things))
     number = {name: n for n, group in enumerate(groups) for situation in group for name in situation}
-    alone = sorted({name for name in tree.names if name.startswith(PREFIX)} - number.keys())
-    groups += tuple((frozenset({name}), frozenset[str]()) for name in alone)
-    number |= {name: len(groups) - len(alone) + n for n, name in enumerate(alone)}
-    return Tree(tuple(_simplify(tree, 0, number, dict(enumerate(groups)))))
+    alone = sorted(asked - number.keys())
+    number |= {name: len(groups) + n for n, name in enumerate(alone)}
+    return groups + tuple((frozenset({name}), frozenset[str]()) for name in alone), number
 
 
-def _simplify(tree: Tree, at: int, number: Mapping[str, int], known: Mapping[int, Situations]) -> list[str]:
-    """Return the names of a branch, where ``known`` holds what each group of conditions can still be."""
-    name = tree.names[at]
-    if not tree.second[at]:
-        return [name]
-    group = number[name]
-    yes = tuple(situation for situation in known[group] if name in situation)
-    no = tuple(situation for situation in known[group] if name not in situation)
-    first, second = at + 1, tree.second[at]
-    if not no:
-        return _simplify(tree, first, number, known)
-    if not yes:
-        return _simplify(tree, second, number, known)
-    left = _simplify(tree, first, number, {**known, group: yes})
-    right = _simplify(tree, second, number, {**known, group: no})
-    if left == right:
-        return left
-    return [name, *left, *right]
+def _simplify(tree: Tree, number: Mapping[str, int], groups: Sequence[Situations]) -> list[str]:
+    """Return the names of the simplified tree.
+
+    Trees may be deeper than Python's stack, so branches wait on a stack of this function: to be looked at with what
+    each group of conditions can still be, or, as the name of a question, for their two halves to be done.
+    """
+    waiting: list[tuple[int, Mapping[int, Situations]] | str] = [(0, {})]
+    done: list[list[str]] = []
+    while waiting:
+        item = waiting.pop()
+        if isinstance(item, str):
+            right, left = done.pop(), done.pop()
+            done.append(left if left == right else [item, *left, *right])
+            continue
+        at, known = item
+        name = tree.names[at]
+        if not tree.second[at]:
+            done.append([name])
+            continue
+        group = number[name]
+        possible = known.get(group, groups[group])
+        yes = tuple(situation for situation in possible if name in situation)
+        no = tuple(situation for situation in possible if name not in situation)
+        first, second = at + 1, tree.second[at]
+        if not no:
+            waiting.append((first, known))
+        elif not yes:
+            waiting.append((second, known))
+        else:
+            waiting += [name, (second, {**known, group: no}), (first, {**known, group: yes})]
+    return done[0]

@@ -43,6 +43,12 @@ class Tree:
     def __len__(self) -> int:
         return len(self.names)
 
+    def _repr_svg_(self) -> str:
+        """Return the picture that a notebook shows."""
+        from coevo.tree.draw import as_svg  # noqa: PLC0415 - what draws trees imports this module
+
+        return as_svg(self)
+
     @cached_property
     def second(self) -> tuple[int, ...]:
         """For each node where its second branch begins; 0 for a leaf."""

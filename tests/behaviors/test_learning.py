@@ -404,8 +404,11 @@ def test_a_card_is_made_of_measurements():
     assert card["measured"]["in-view"]["success_rate"] == found.success_rate
     assert card["measured"]["in-view"]["mean_steps"] == pytest.approx(found.steps.mean())
     assert card["digest"] == skill.digest
+    assert card["description"] == read_card("search")["description"]
     blind = dataclasses.replace(skill, values=np.zeros_like(skill.values))  # always the first action
     worse = make_card(recipe, blind, games=50, seed=9)
     assert worse["digest"] != card["digest"]
     for beside in ("random_actions", "true_state_controller"):
         assert worse[beside] == card[beside]
+    mine = make_card(msgspec.structs.replace(recipe, description="looks about"), skill, games=10, seed=9)
+    assert mine["description"] == "looks about"

@@ -147,6 +147,13 @@ def test_a_skill_file_tells_younger_settings_only_where_they_are_not_the_default
     assert recipe_digest(recipe) != recipe_digest(msgspec.structs.replace(recipe, trials=24_999))
 
 
+def test_a_description_is_told_where_there_is_one():
+    recipe, silent = (check(Recipe, {**PLAIN, **said}, "mine.toml") for said in ({"description": "runs about"}, {}))
+    assert plain_recipe(recipe)["description"] == "runs about"
+    assert "description" not in plain_recipe(silent)
+    assert recipe_digest(recipe) != recipe_digest(silent)
+
+
 def test_other_rules_of_play_are_told_and_in_the_digest():
     rules = {"pass_window_s": 2.0}
     recipe = check(Recipe, {**PLAIN, "world": {"rules": rules}}, "mine.toml")

@@ -11,6 +11,7 @@ import pytest
 
 from coevo.cli import main
 from coevo.run import open_run
+from coevo.tree import simplify
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -42,7 +43,10 @@ def follow(tmp_path, monkeypatch, coevo):
                 Path(named.group(1)).write_text(text, encoding="utf-8")
             if language == "sh":
                 for line in text.splitlines():
-                    coevo(line)
+                    command, _, file = line.partition(" > ")
+                    said = coevo(command)
+                    if file:
+                        Path(file).write_text(said, encoding="utf-8")
                     commands += 1
         assert commands
         return tmp_path
@@ -78,6 +82,20 @@ def test_game(follow):
     best = run.generations[run.generations["generation"] == 4]
     assert best["robot"].tolist() == ["one", "two"]
     assert best["agreed"].tolist() == [40, 40]  # all rounds of all games
+
+
+def test_inspect(follow):
+    folder = follow("inspect.md")
+    whole, simplified = ((folder / name).read_text(encoding="utf-8") for name in ("all.svg", "tree.svg"))
+    tree = open_run(folder / "runs" / "seen").tree("r1", 2)
+    assert whole.count('class="label"') == tree.nodes
+    assert 0 < simplified.count('class="label"') <= simplify(tree).nodes
+    ((_, text),) = [
+        block for block in BLOCK.findall((DOCS / "how-to/inspect.md").read_text("utf-8")) if "py" in block[0]
+    ]
+    names = {}
+    exec(text, names)  # noqa: S102 - of our own page
+    assert names["used"].tree == tree
 
 
 @pytest.mark.slow

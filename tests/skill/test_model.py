@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from coevo.errors import InputError
-from coevo.skill import ObjectModel, Skill, installed_skills, load_skill, read_card, skill_path
+from coevo.skill import ObjectModel, Skill, installed_skills, load_skill, read_card, skill_description, skill_path
 from coevo.skill.model import OBJECT_KINDS, state_count
 
 KINDS = tuple(OBJECT_KINDS)
@@ -489,6 +489,24 @@ def test_a_broken_card_is_named_with_the_remedy(saved):
     path.with_name("card.json").write_text("{", encoding="utf-8")
     with pytest.raises(InputError, match=r"card\.json is not valid JSON.*coevo skills evaluate"):
         read_card(path)
+
+
+def test_what_a_skill_does_is_told_by_its_card_else_by_its_recipe(saved):
+    path, skill = saved
+    assert skill_description(path) == ""
+    told = dataclasses.replace(skill, about={"recipe": {"description": "turns\n  left"}})
+    told.save(path)
+    assert skill_description(path) == "turns left"
+    path.with_name("card.json").write_text('{"description": "turns right"}', encoding="utf-8")
+    assert skill_description(path) == "turns right"
+
+
+@pytest.mark.parametrize("card", ["{", "[]", '{"description": 5}', '{"description": ["a"]}'])
+def test_a_card_that_tells_nothing_is_no_failure(card, saved):
+    path, _ = saved
+    path.with_name("card.json").write_text(card, encoding="utf-8")
+    assert skill_description(path) == ""
+    assert skill_description("nothing-like-it") == ""
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):

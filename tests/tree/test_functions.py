@@ -53,3 +53,12 @@ def test_what_cannot_be_a_function_set_is_refused(functions, terminals, message)
 
 def test_255_names_are_a_function_set():
     assert len(FunctionSet(("IF_dark",), tuple(f"t{n}" for n in range(254))).names) == 255
+
+
+def test_descriptions_are_of_terminals_and_change_nothing_else():
+    said = FunctionSet(("IF_dark",), ("go", "stay"), (), {"go": "drives on"})
+    assert said.descriptions == {"go": "drives on"}
+    silent = FunctionSet(("IF_dark",), ("go", "stay"))
+    assert (said, hash(said)) == (silent, hash(silent))
+    with pytest.raises(ValueError, match="'walk' is no terminal; they are go, stay"):
+        FunctionSet(("IF_dark",), ("go", "stay"), (), {"walk": "goes on foot"})

@@ -24,7 +24,7 @@ __all__ = [
 LEVEL = 0.95
 ESTIMATORS = ("mean", "iqm")
 _TRIM = {"mean": 0.0, "iqm": 0.25}  # of each end
-_FEWEST = 6  # of which resamples can say something; below that Student's t does
+_FEWEST = 8  # of which resamples can say something; below that Student's t does
 _RESAMPLES = 4000
 _AT_ONCE = 512  # columns whose resamples are held in memory together
 
@@ -99,10 +99,10 @@ def bootstrap_interval(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return an estimate over runs and its interval (value, low, high), of many columns at once.
 
-    A percentile bootstrap over runs with wider percentiles, as few runs need it, and Student's t below six runs:
+    A percentile bootstrap over runs with wider percentiles, as few runs need it, and Student's t below eight runs:
     docs/decisions/0010-intervals-over-runs.md says why, and 'coevo reproduce coverage' how often it holds the truth.
     The resamples depend on the number of runs alone. The interval changes sign, unit and origin with the values, and
-    does not depend on the order of runs. From six runs on it lies within the values.
+    does not depend on the order of runs. From eight runs on it lies within the values.
 
     Args:
         values: (runs, ...), finite; of one run, or of equal ones, the interval is the value itself.
@@ -212,12 +212,11 @@ def _resamples(runs: int, estimator: str) -> NDArray[np.float64]:
 def _tail(runs: int, estimator: str) -> float:
     """Return the share of resamples below the interval.
 
-    A resample of n values varies less than its source by (n - 1) / n, and percentiles know no Student's t. For a mean
-    this mends both (Hesterberg 2015, "What teachers should know about the bootstrap"); an IQM needs less.
+    Resamples vary less than their source, by (n - 1) / n, which this mends; for a mean it also puts Student's quantile
+    for the normal one (Hesterberg 2015, "What teachers should know about the bootstrap"). An IQM does not need that.
     """
     from scipy import special, stats
 
     half = 0.5 + 0.5 * LEVEL
-    if estimator == "mean":
-        return float(special.ndtr(-np.sqrt(runs / (runs - 1)) * stats.t.ppf(half, runs - 1)))
-    return float(special.ndtr(-np.sqrt(runs / (runs - 2)) * special.ndtri(half)))
+    quantile = stats.t.ppf(half, runs - 1) if estimator == "mean" else special.ndtri(half)
+    return float(special.ndtr(-np.sqrt(runs / (runs - 1)) * quantile))

@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Checkpoint", "GenerationRecord", "columns", "table_lines"]
+__all__ = ["Checkpoint", "GenerationRecord", "best_first", "columns", "table_lines"]
+
+
+def best_first(fitness: NDArray[np.float64], depth: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the indices of individuals from best to worst: by fitness, then depth, then index; all (population,)."""
+    return np.lexsort((np.arange(len(fitness)), depth, fitness)).astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -34,8 +39,8 @@ class GenerationRecord:
 
     @property
     def order(self) -> NDArray[np.int64]:
-        """(population,) indices from best to worst: by fitness, then depth, then index."""
-        return np.lexsort((np.arange(len(self.fitness)), self.depth, self.fitness)).astype(np.int64)
+        """(population,) indices, as of ``best_first``."""
+        return best_first(self.fitness, self.depth)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,200 @@
+"""Curves over generations of any run and any game: one tidy table of it, and groups of runs side by side.
+
+Figures 6.5, 6.6 and 6.10 to 6.13 of the dissertation are such curves: best and mean fitness, goals, lost goals, steps
+of contact, collisions and steps. ``analysis.curve_chart`` draws them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple, cast
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.diversity import distinct_trees, evenness, top_of
+from analysis.groups import open_runs, run_names
+from coevo.errors import InputError, nearest_name
+from coevo.records import best_first
+from coevo.run import Run
+from coevo.statistics import bootstrap_interval
+from coevo.tree import FunctionSet
+
+__all__ = ["COLUMNS", "STATISTICS", "choose", "overview", "summary", "table"]
+
+COLUMNS = ("run", "generation", "robot", "measure", "statistic", "value")
+STATISTICS = ("best", "mean", "worst")
+_CHOSE = "chose_"  # columns of individuals.parquet: in how many steps a terminal was chosen
+_CELL = ["generation", "robot", "measure", "statistic"]
+_FAMILIES = ("use", "diversity")  # measures whose names begin so are asked for together
+
+
+def table(runs: str | Path | Run | Sequence[str | Path | Run]) -> pd.DataFrame:
+    """Return what was measured in each finished generation of runs, a row a number.
+
+    Args:
+        runs: run folders, or runs.
+
+    Returns:
+        Columns ``run`` (the folder's name), ``generation``, ``robot``, ``measure``, ``statistic``, ``value``. Measures:
+
+        - ``fitness`` (smaller is better), each count of the game (summed over the games of an individual), ``depth``
+          and ``nodes``: statistics ``best`` and ``worst``, that is those of the individual with the best and with the
+          worst fitness, as in ``generations.csv``, and ``mean`` over the population;
+        - ``use_NAME``: the share of an individual's decisions that chose the terminal NAME, with the same statistics,
+          if the run has counted them; the mean is over individuals that decided at all;
+        - ``diversity_trees``, the share of different trees, and ``diversity_tops``, how different they are near the
+          root (``analysis.diversity``): statistic ``mean``, as they belong to the whole population.
+
+    Raises:
+        InputError: one is no run, is named twice, or has no finished generation.
+
+    Example:
+        >>> import pandas as pd
+        >>> from analysis.curves import table
+        >>> best = table("runs/smoke-seed0").query("statistic == 'best' and robot == 'r0'")
+        >>> best.pivot(index="generation", columns="measure", values="value")["goals"].max() >= 0.0
+        True
+    """
+    opened = open_runs(runs)
+    frames = [_of_run(run, name) for name, run in zip(run_names(opened), opened, strict=True)]
+    return pd.concat(frames, ignore_index=True)
+
+
+class _Row(NamedTuple):
+    generation: int
+    robot: str
+    measure: str
+    statistic: str
+    value: float
+
+
+def _of_run(run: Run, name: str) -> pd.DataFrame:
+    individuals = run.individuals
+    if individuals.empty:
+        raise InputError(f"{run.path} has no finished generation yet; go on with 'coevo resume {run.path}'")
+    functions = {robot: run.game.function_set(role) for role, robot in run.evolving.items()}
+    rows = []
+    for key, population in individuals.groupby(["generation", "robot"], sort=False):
+        generation, robot = cast("tuple[int, str]", key)
+        found = _of_population(population, run.game.counts, functions[robot])
+        rows += [_Row(generation, robot, *one) for one in found]
+    frame = pd.DataFrame(rows, columns=_Row._fields)
+    frame.insert(0, "run", name)
+    return frame
+
+
+def _of_population(
+    population: pd.DataFrame, counts: Sequence[str], functions: FunctionSet
+) -> Iterator[tuple[str, str, float]]:
+    """Yield measure, statistic and value of one robot's individuals in one generation."""
+    values = {name: population[name].to_numpy() for name in ("fitness", *counts, "depth", "nodes")}
+    order = best_first(values["fitness"], values["depth"])
+    for measure, of_each in (values | _uses(population, counts, functions.terminals)).items():
+        known = of_each[~np.isnan(of_each)]
+        numbers = (of_each[order[0]], known.mean() if len(known) else np.nan, of_each[order[-1]])
+        for statistic, number in zip(STATISTICS, numbers, strict=True):
+            yield measure, statistic, float(number)
+    trees = [np.asarray(tree, np.uint8) for tree in population["tree"]]
+    yield "diversity_trees", "mean", distinct_trees(trees)
+    yield "diversity_tops", "mean", evenness([top_of(tree, functions) for tree in trees])
+
+
+def _uses(population: pd.DataFrame, counts: Sequence[str], terminals: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    """Return the share of each terminal in each individual's decisions, (individuals,); NaN where it made none."""
+    chosen = {
+        name: population[_CHOSE + name].to_numpy(np.float64)
+        for name in terminals
+        if _CHOSE + name in population and _CHOSE + name not in counts
+    }
+    total = np.sum(list(chosen.values()), axis=0)
+    return {
+        f"use_{name}": np.divide(steps, total, out=np.full(len(steps), np.nan), where=total > 0)
+        for name, steps in chosen.items()
+    }
+
+
+def choose(curves: pd.DataFrame, measures: Sequence[str] = (), statistics: Sequence[str] = STATISTICS) -> pd.DataFrame:
+    """Return the rows of some measures, in their order, and some statistics.
+
+    Args:
+        curves: of ``table``.
+        measures: names; ``use`` and ``diversity`` mean all that begin so; by default all measures that every run has.
+        statistics: of ``STATISTICS``.
+
+    Raises:
+        InputError: no run has such a measure, or not all runs have it, or not with such a statistic.
+    """
+    chosen = [one for name in measures or _shared(curves) for one in _named(name, curves)]
+    found = curves[curves["measure"].isin(chosen) & curves["statistic"].isin(statistics)]
+    if found.empty:
+        raise InputError(f"{', '.join(chosen)}: expected one of the statistics mean, got {', '.join(statistics)}")
+    rank = {name: number for number, name in enumerate(dict.fromkeys(chosen))}
+    order = found["measure"].map(rank).argsort(kind="stable")
+    return found.iloc[order].reset_index(drop=True)
+
+
+def _named(name: str, curves: pd.DataFrame) -> list[str]:
+    known, shared = [str(one) for one in dict.fromkeys(curves["measure"])], _shared(curves)
+    families = [family for family in _FAMILIES if any(one.startswith(f"{family}_") for one in known)]
+    meant = [one for one in known if one == name or (name in families and one.startswith(f"{name}_"))]
+    if not meant:
+        words = [*known, *families]
+        raise InputError(f"there is no measure {name!r}.{nearest_name(name, words)} Measures: {', '.join(words)}")
+    lacking = next((one for one in meant if one not in shared), None)
+    if lacking is not None:
+        having = set(curves["run"][curves["measure"] == lacking])
+        other = next(run for run in curves["run"] if run not in having)
+        raise InputError(
+            f"{min(having)} has the measure {lacking!r}, {other} has not; all of them have: {', '.join(shared)}"
+        )
+    return meant
+
+
+def overview(curves: pd.DataFrame) -> list[str]:
+    """Return what to look at first: fitness, what the game counts, depth and nodes, as far as all runs have them."""
+    return [name for name in _shared(curves) if not name.startswith(tuple(f"{family}_" for family in _FAMILIES))]
+
+
+def _shared(curves: pd.DataFrame) -> list[str]:
+    """Return the measures that all runs have, in their order."""
+    runs = [set(part["measure"]) for _, part in curves.groupby("run", sort=False)]
+    return [str(name) for name in dict.fromkeys(curves["measure"]) if all(name in have for have in runs)]
+
+
+def summary(curves: pd.DataFrame, groups: Mapping[str, str] | None = None, estimator: str = "mean") -> pd.DataFrame:
+    """Return the curves of groups of runs: an estimate over the runs of each, with its interval.
+
+    Args:
+        curves: of ``table`` or ``choose``.
+        groups: the group of each run by the run's name (``analysis.groups.group_names``); by default all are one.
+        estimator: of ``coevo.statistics.ESTIMATORS``.
+
+    Returns:
+        Columns ``group``, ``generation``, ``robot``, ``measure``, ``statistic``, ``value``, ``low``, ``high`` and
+        ``runs``: how many runs have come so far. ``low`` and ``high`` are a 95 % interval over runs, NaN of one run.
+    """
+    of_run = curves["run"].map(dict.fromkeys(curves["run"], "all runs") if groups is None else dict(groups))
+    frames = []
+    for group, part in curves.groupby(of_run, sort=False):
+        wide = part.set_index([*_CELL, "run"])["value"].unstack("run")  # noqa: PD010 - nothing to aggregate
+        wide = wide.loc[pd.MultiIndex.from_frame(part[_CELL].drop_duplicates())]
+        frame = wide.index.to_frame(index=False)
+        frame.insert(0, "group", group)
+        frames.append(frame.assign(**_estimates(wide.to_numpy(np.float64), estimator)))
+    return pd.concat(frames, ignore_index=True)
+
+
+def _estimates(cells: NDArray[np.float64], estimator: str) -> dict[str, NDArray[np.float64] | NDArray[np.int64]]:
+    """Return the columns of ``summary`` from (cells, runs), NaN where a run has no number."""
+    known = ~np.isnan(cells)
+    runs = known.sum(axis=1)
+    found = np.full((3, len(cells)), np.nan)
+    for count in np.unique(runs[runs > 0]):
+        rows = runs == count
+        values = cells[rows][known[rows]].reshape(-1, count).T
+        found[:, rows] = bootstrap_interval(values, estimator)
+    found[1:, runs < 2] = np.nan
+    return {"value": found[0], "low": found[1], "high": found[2], "runs": runs}

@@ -50,8 +50,8 @@ class GenerationRecord:
     group: (population,) int64, which group it played in. fitness: (population,) float64.
     counts: by name (population,) int64, summed over its games, in the order of the game's counts.
     depth, nodes: (population,) int64.
-    origins: where they came from.
-    chosen: by terminal of the role (population,) int64, decisions for it in its games.
+    origins: where they came from; None in runs of older versions, which did not keep it.
+    chosen: by terminal of the role (population,) int64, decisions for it in its games; nothing in older runs.
     """
 
     role: int
@@ -62,7 +62,7 @@ class GenerationRecord:
     counts: Mapping[str, NDArray[np.int64]]
     depth: NDArray[np.int64]
     nodes: NDArray[np.int64]
-    origins: Origins
+    origins: Origins | None
     chosen: Mapping[str, NDArray[np.int64]]
 
     @property
@@ -134,6 +134,8 @@ def individuals_table(generation: int, records: Sequence[GenerationRecord], term
     def joined(values: Iterable[NDArray[Any]], kind: type[np.generic]) -> NDArray[Any]:
         return np.concatenate([array.astype(kind) for array in values])
 
+    origins = [record.origins for record in records if record.origins is not None]
+    assert len(origins) == len(records)  # older runs are not gone on with
     total = sum(len(record.fitness) for record in records)
     table: dict[str, Any] = {"generation": np.full(total, generation, np.int32)}
     table["robot"] = pa.array([record.robot for record in records for _ in record.fitness])
@@ -147,10 +149,10 @@ def individuals_table(generation: int, records: Sequence[GenerationRecord], term
     codes = [tree for record in records for tree in record.codes]
     ends = np.cumsum([0, *(len(tree) for tree in codes)]).astype(np.int32)
     table["tree"] = pa.ListArray.from_arrays(pa.array(ends), pa.array(np.concatenate(codes)))
-    operators = pa.array(joined((record.origins.operator for record in records), np.int32))
+    operators = pa.array(joined((of.operator for of in origins), np.int32))
     table["operator"] = pa.DictionaryArray.from_arrays(operators, pa.array(OPERATORS))
     for number in range(2):
-        table[f"parent_{number + 1}"] = joined((record.origins.parents[:, number] for record in records), np.int32)
+        table[f"parent_{number + 1}"] = joined((of.parents[:, number] for of in origins), np.int32)
     for name in terminals:
         none = [np.zeros(len(record.fitness), np.int32) for record in records]
         chosen = (record.chosen.get(name, zeros) for record, zeros in zip(records, none, strict=True))
@@ -170,7 +172,10 @@ def read_record(
         terminals: of the role.
     """
     rows = rows.sort_values("index")
-    operator = np.array([OPERATORS.index(name) for name in rows["operator"]], np.uint8)
+    origins = None
+    if "operator" in rows:
+        operator = np.array([OPERATORS.index(name) for name in rows["operator"]], np.uint8)
+        origins = Origins(operator, rows[["parent_1", "parent_2"]].to_numpy(np.int32))
     return GenerationRecord(
         role,
         robot,
@@ -180,6 +185,6 @@ def read_record(
         {name: rows[name].to_numpy(np.int64) for name in counts},
         rows["depth"].to_numpy(np.int64),
         rows["nodes"].to_numpy(np.int64),
-        Origins(operator, rows[["parent_1", "parent_2"]].to_numpy(np.int32)),
-        {name: rows[CHOSE + name].to_numpy(np.int64) for name in terminals},
+        origins,
+        {name: rows[CHOSE + name].to_numpy(np.int64) for name in terminals if CHOSE + name in rows},
     )

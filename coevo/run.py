@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,10 +171,13 @@ class Run:
         """Return what comes next, or None if no generation is finished.
 
         Raises:
-            InputError: the checkpoint is damaged or belongs to another run.
+            InputError: the run cannot be gone on with: the checkpoint is damaged or belongs to another run, or the
+                individuals are those of an older version.
         """
-        path = self.path / "checkpoint.npz"
+        path, last = self.path / "checkpoint.npz", self.finished - 1
         if not path.exists():
+            if last >= 0 and "operator" not in self._part(last):
+                raise InputError(f"{self._part_path(last)} {_OLDER}")
             return None
         remedy = "delete it and resume again: it is made anew from individuals.parquet"
         try:
@@ -248,8 +251,6 @@ class Run:
         found = []
         for role, robot in self.evolving.items():
             rows = self.record(generation, robot)
-            if "operator" not in rows:
-                raise InputError(f"{self._part_path(generation)} {_OLDER}")
             found.append(read_record(role, robot, rows, self.game.counts, self.game.function_set(role).terminals))
         return found
 

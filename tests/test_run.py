@@ -392,8 +392,8 @@ def without_ancestry(run):
 def test_a_run_without_ancestry_can_be_read_but_not_gone_on_with(copied_run, go_on, small_run):
     without_ancestry(copied_run)
     assert copied_run.tree("r1", 2, 3) == small_run.tree("r1", 2, 3)
-    path = copied_run.path / "individuals.parquet" / "part-00002.parquet"
-    path.unlink()
+    assert {record.origins for record in copied_run.records(1)} == {None}
+    (copied_run.path / "individuals.parquet" / "part-00002.parquet").unlink()
     for named in ("checkpoint.npz", "individuals.parquet/part-00001.parquet"):
         with pytest.raises(InputError, match=r"written by an older coevo.* can be read, but not gone on with") as told:
             go_on(copied_run)

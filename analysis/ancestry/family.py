@@ -1,26 +1,14 @@
-"""The ancestry of a champion as pictures: who handed down what, and when its nodes came into being."""
+"""The tables behind the pictures of an ancestry: who handed down what, and when nodes came into being."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from analysis.ancestry.inheritance import Ancestry
-from analysis.charts import COLOURS, altair
-from coevo.records import OPERATORS
 
-if TYPE_CHECKING:
-    import altair as alt
+__all__ = ["USE", "family_table", "link_table", "origin_table"]
 
-__all__ = ["ancestry_chart", "family_chart", "family_table", "origin_chart", "origin_table"]
-
-_COLOUR = dict(zip(OPERATORS, (COLOURS[2], "#5f5f5f", "#c0c0c0", COLOURS[0], COLOURS[1]), strict=True))
-_FAINT = {"creation": "#a6dccb", "mutation": "#f1c6a5"}
-_WIDTH = 760
-_LANE = 24  # pixels from lane to lane
-_USE = ("in use", "never used", "not counted")
-
+USE = ("in use", "never used", "not counted")
 
 _Member = tuple[int, int]  # generation and index
 
@@ -83,8 +71,20 @@ def family_table(ancestry: Ancestry) -> pd.DataFrame:
     )
 
 
+def link_table(family: pd.DataFrame) -> pd.DataFrame:
+    """Return who handed something down to whom, of a ``family_table``, a row each.
+
+    Returns:
+        ``generation, index, lane`` of the child and, ending in ``_parent``, of the parent; ``came``, how many of the
+        champion's nodes; and ``is_root``, whether it is a step of the root line, where nothing need have come.
+    """
+    links = pd.concat([_links(family, 1), _links(family, 2)], ignore_index=True)
+    ends = ["generation", "index", "lane"]
+    return links[[*ends, *(f"{name}_parent" for name in ends), "came", "is_root"]]
+
+
 def _links(table: pd.DataFrame, which: int) -> pd.DataFrame:
-    """Return a line for each of these parents that something came from, with both its ends."""
+    """Return the links to these parents, with more columns."""
     ends = table[["generation", "index", "lane", "root_line"]].add_suffix("_parent")
     children = table[(table[f"from_{which}"] > 0) | (table["root_line"] & (which == 1))]
     children = children.assign(generation_parent=children["generation"] - 1)
@@ -98,133 +98,12 @@ def _links(table: pd.DataFrame, which: int) -> pd.DataFrame:
     )
 
 
-def _title(ancestry: Ancestry, what: str, subtitle: str) -> Any:
-    whose = f"{ancestry.robot}'s individual {ancestry.index} of generation {ancestry.generation}"
-    return altair().Title(f"{what} {whose}", subtitle=subtitle, subtitleColor="#666666", frame="group", offset=8)
-
-
-def _generations(ancestry: Ancestry, title: str) -> Any:
-    alt, last = altair(), ancestry.generation
-    axis = alt.Axis(grid=False, tickMinStep=1, format="d", tickCount=min(last + 1, 12))
-    scale = alt.Scale(domain=[-0.5, last + 0.5], nice=False, padding=0)
-    return alt.X("generation:Q", title=title, scale=scale, axis=axis)
-
-
-def family_chart(ancestry: Ancestry) -> alt.LayerChart:
-    """Return the picture of a family: generations from left to right, the root line on top.
-
-    Ancestors of which nothing is left in the champion are left out.
-    """
-    alt = altair()
-    table = family_table(ancestry)
-    links = pd.concat([_links(table, 1), _links(table, 2)], ignore_index=True)
-    lanes = int(table["lane"].max()) + 1
-    x = _generations(ancestry, "generation")
-    y = alt.Y("lane:Q", axis=None, scale=alt.Scale(domain=[lanes - 0.5, -0.6], nice=False))
-    rules = (
-        alt.Chart(links)
-        .mark_rule(strokeCap="round")
-        .encode(
-            x=x,
-            y=y,
-            x2="generation_parent:Q",
-            y2="lane_parent:Q",
-            color=alt.condition("datum.is_root", alt.value("#333333"), alt.value("#aaaaaa")),
-            strokeWidth=alt.condition("datum.is_root", alt.value(4), alt.value(1.2)),
-            tooltip=["generation", "index", "index_parent", alt.Tooltip("came", title="nodes that came")],
-        )
-    )
-    points = (
-        alt.Chart(table)
-        .mark_circle(opacity=1.0, stroke="white", strokeWidth=0.6)
-        .encode(
-            x=x,
-            y=y,
-            color=alt.Color(
-                "operator:N",
-                title="came about by",
-                scale=alt.Scale(domain=list(OPERATORS), range=[_COLOUR[name] for name in OPERATORS]),
-                legend=alt.Legend(symbolType="circle", symbolStrokeWidth=0, symbolOpacity=1, orient="bottom"),
-            ),
-            size=alt.Size(
-                "share:Q",
-                title="share of the last tree in it",
-                scale=alt.Scale(domain=[0, 1], range=[14, 100]),
-                legend=alt.Legend(
-                    symbolType="circle",
-                    symbolStrokeWidth=0,
-                    symbolFillColor="#777777",
-                    format=".0%",
-                    values=[0.01, 0.1, 0.5, 1.0],
-                    orient="bottom",
-                ),
-            ),
-            tooltip=[
-                *("generation", "index", "operator", "parent_1", "parent_2", "nodes"),
-                alt.Tooltip("fitness", format=".4f"),
-                alt.Tooltip("carried", title="nodes of the last tree"),
-                alt.Tooltip("arisen", title="of these new in it"),
-            ],
-        )
-    )
-    told = f"Those who had some of its {len(ancestry.nodes)} nodes, and its root line, which is thick."
-    chart: alt.LayerChart = (rules + points).properties(
-        width=_WIDTH,
-        height=max(lanes, 2) * _LANE,
-        title=_title(ancestry, "Ancestors of", f"{told} Thin lines: where its other branches came from."),
-    )
-    return chart
-
-
 def origin_table(ancestry: Ancestry) -> pd.DataFrame:
     """Return how many of a champion's nodes came into being when: ``generation, operator, use, nodes``.
 
     ``use`` is ``in use``, ``never used``, or ``not counted`` where that is not known.
     """
     steps = ancestry.nodes["steps"]
-    use = steps.gt(0).map({True: _USE[0], False: _USE[1]}).where(steps.notna(), _USE[2])
+    use = steps.gt(0).map({True: USE[0], False: USE[1]}).where(steps.notna(), USE[2])
     counted = ancestry.nodes.assign(use=use).groupby(["generation", "operator", "use"]).size()
     return counted.rename("nodes").reset_index()
-
-
-def origin_chart(ancestry: Ancestry) -> alt.LayerChart:
-    """Return how many of a champion's nodes came into being in which generation."""
-    alt = altair()
-    table = origin_table(ancestry)
-    table["kind"] = table["operator"] + ", " + table["use"]
-    totals = table.groupby("generation", as_index=False)["nodes"].sum()
-    kinds = [f"{operator}, {use}" for operator in ("creation", "mutation") for use in _USE]
-    shades = [shade for name in ("creation", "mutation") for shade in (_COLOUR[name], _FAINT[name], _COLOUR[name])]
-    colours = dict(zip(kinds, shades, strict=True))
-    shown = [kind for kind in kinds if kind in set(table["kind"])]
-    x = _generations(ancestry, "generation that they came into being in")
-    bars = (
-        alt.Chart(table)
-        .mark_bar(size=min(9.0, 0.7 * _WIDTH / (ancestry.generation + 1)))
-        .encode(
-            x=x,
-            y=alt.Y("nodes:Q", title="nodes", axis=alt.Axis(tickMinStep=1, format="d", tickCount=4)),
-            color=alt.Color(
-                "kind:N",
-                title=None,
-                scale=alt.Scale(domain=shown, range=[colours[kind] for kind in shown]),
-                legend=alt.Legend(symbolType="square", symbolStrokeWidth=0, symbolOpacity=1, orient="bottom"),
-            ),
-            order=alt.Order("kind:N"),
-            tooltip=["generation", "operator", "use", "nodes"],
-        )
-    )
-    numbers = alt.Chart(totals).mark_text(dy=-7, fontSize=11, color="#444444").encode(x=x, y="nodes:Q", text="nodes:Q")
-    chart: alt.LayerChart = (bars + numbers).properties(
-        width=_WIDTH,
-        height=110,
-        title=_title(ancestry, "Age of the nodes of", "How many came into being in which generation."),
-    )
-    return chart
-
-
-def ancestry_chart(ancestry: Ancestry) -> alt.VConcatChart:
-    """Return both pictures of an ancestry, one above the other."""
-    both = altair().vconcat(family_chart(ancestry), origin_chart(ancestry))
-    chart: alt.VConcatChart = both.resolve_scale(color="independent", size="independent")
-    return chart

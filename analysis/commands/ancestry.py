@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from coevo.console import emit, note, output_options, table
+from coevo.console import note, output_options, show, table
+
+if TYPE_CHECKING:
+    from analysis.ancestry import Ancestry
 
 __all__ = ["ancestry"]
 
@@ -31,8 +35,8 @@ def ancestry(
     Example: coevo ancestry runs/smoke-seed0 --robot r1
              coevo ancestry runs/smoke-seed0 --out family.svg
     """
-    from analysis.ancestry import ancestors, ancestry_chart, sentences, summary
-    from analysis.charts import altair, check_out, save
+    from analysis.ancestry import ancestors, sentences, summary
+    from analysis.charts import altair, check_out
     from coevo.errors import InputError
     from coevo.game import prepare
     from coevo.run import open_run
@@ -53,16 +57,20 @@ def ancestry(
     usage = tree_usage(run, generation, int(row["group"]), robot)
     found = ancestors(run, robot, generation, int(row["index"]), node_steps=usage.node_steps)
     if out is not None:
-        save(ancestry_chart(found), found.ancestors, out)
+        _write(out, found)
     told = summary(found)
-    if as_json:
-        emit({"run": str(folder), "rank": rank, **told})
-        return
-    click.echo("\n".join(sentences(told, rank)))
     rows = [
         [f"{of['operator']} in generation {of['generation']}", str(of["nodes"]), str(of["in_use"]), f"{of['use']:.1%}"]
         for of in told["origins"]
     ]
-    click.echo("\n" + table(["its nodes came from", "nodes", "in use", "share of use"], rows))
-    if out is not None:
-        click.echo(f"\nWritten: {out}")
+    shown = table(["its nodes came from", "nodes", "in use", "share of use"], rows)
+    written = "" if out is None else f"\n\nWritten: {out}"
+    text = "\n".join([*sentences(told, rank), "", shown]) + written
+    show({"run": str(run.path), "rank": rank, **told}, text, as_json=as_json)
+
+
+def _write(out: Path, found: Ancestry) -> None:
+    from analysis.ancestry.charts import ancestry_chart
+    from analysis.charts import save
+
+    save(ancestry_chart(found), found.ancestors, out)

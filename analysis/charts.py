@@ -57,7 +57,7 @@ def theme(*, dark: bool = False) -> dict[str, Any]:
         "axis": {**titles, "gridColor": line, "domainColor": soft, "tickColor": soft, "titleFontWeight": "normal"},
         "legend": {**titles, "labelFontSize": 12, "symbolStrokeWidth": 3, "symbolOpacity": 1.0},
         "header": {"labelColor": ink, "titleColor": ink, "labelFontSize": 12, "titleFontSize": 12},
-        "title": {"color": ink, "fontSize": 13, "fontWeight": "bold", "anchor": "start"},
+        "title": {"color": ink, "subtitleColor": soft, "fontSize": 13, "fontWeight": "bold", "anchor": "start"},
         "text": {"color": ink},
         "range": {"category": list(COLOURS)},
         "line": {"strokeWidth": 1.8},

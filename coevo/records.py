@@ -2,19 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Checkpoint", "GenerationRecord", "best_first", "columns", "table_lines"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "CHOSE",
+    "OPERATORS",
+    "Checkpoint",
+    "GenerationRecord",
+    "Origins",
+    "best_first",
+    "columns",
+    "individuals_table",
+    "read_record",
+    "table_lines",
+]
+
+# How an individual came into being; a stored one has the number of its operator.
+OPERATORS = ("creation", "elite", "reproduction", "crossover", "mutation")
+CHOSE = "chose_"  # before the name of a terminal: the column that says how often it was chosen
 
 
 def best_first(fitness: NDArray[np.float64], depth: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the indices of individuals from best to worst: by fitness, then depth, then index; all (population,)."""
     return np.lexsort((np.arange(len(fitness)), depth, fitness)).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class Origins:
+    """Where the individuals of a population came from.
+
+    operator: (population,) uint8, place in ``OPERATORS``.
+    parents: (population, 2) int32, index in the generation before, -1 for none; the first gave the root.
+    """
+
+    operator: NDArray[np.uint8]
+    parents: NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -26,6 +56,8 @@ class GenerationRecord:
     group: (population,) int64, which group it played in. fitness: (population,) float64.
     counts: by name (population,) int64, summed over its games, in the order of the game's counts.
     depth, nodes: (population,) int64.
+    origins: where they came from; None in runs of older versions, which did not keep it.
+    chosen: by terminal of the role (population,) int64, decisions for it in its games; nothing in older runs.
     """
 
     role: int
@@ -36,6 +68,8 @@ class GenerationRecord:
     counts: Mapping[str, NDArray[np.int64]]
     depth: NDArray[np.int64]
     nodes: NDArray[np.int64]
+    origins: Origins | None
+    chosen: Mapping[str, NDArray[np.int64]]
 
     @property
     def order(self) -> NDArray[np.int64]:
@@ -45,10 +79,32 @@ class GenerationRecord:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What is needed to go on: the number of the next generation, and per role its population's codes."""
+    """What is needed to go on: the number of the next generation, and per role its trees' codes and their origins."""
 
     generation: int
     populations: Mapping[int, Sequence[NDArray[np.uint8]]]
+    origins: Mapping[int, Origins]
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all of it as named arrays."""
+        arrays: dict[str, NDArray[Any]] = {"generation": np.array([self.generation])}
+        for role, codes in self.populations.items():
+            arrays[f"sizes_{role}"] = np.array([len(tree) for tree in codes], np.int64)
+            arrays[f"codes_{role}"] = np.concatenate(codes)
+            arrays[f"operator_{role}"] = self.origins[role].operator
+            arrays[f"parents_{role}"] = self.origins[role].parents
+        return arrays
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, NDArray[Any]], roles: Iterable[int]) -> Self:
+        """Return what ``arrays`` gave of these roles.
+
+        Raises:
+            LookupError: something is missing.
+        """
+        populations = {r: np.split(arrays[f"codes_{r}"], np.cumsum(arrays[f"sizes_{r}"])[:-1]) for r in roles}
+        origins = {r: Origins(arrays[f"operator_{r}"], arrays[f"parents_{r}"]) for r in populations}
+        return cls(int(arrays["generation"][0]), populations, origins)
 
 
 def columns(counts: Sequence[str]) -> list[str]:
@@ -69,3 +125,72 @@ def table_lines(generation: int, records: Sequence[GenerationRecord]) -> list[st
             row += [int(sizes[best]), float(sizes.mean()), int(sizes[worst])]
         lines.append(",".join(str(value) for value in row))
     return lines
+
+
+def individuals_table(generation: int, records: Sequence[GenerationRecord], terminals: Sequence[str]) -> Any:
+    """Return a generation's part of individuals.parquet, as a table of Arrow.
+
+    Args:
+        generation: its number.
+        records: a record a role.
+        terminals: of all roles; a role without one has chosen it 0 times.
+    """
+    import pyarrow as pa
+
+    def joined(values: Iterable[NDArray[Any]], kind: type[np.generic]) -> NDArray[Any]:
+        return np.concatenate([array.astype(kind) for array in values])
+
+    origins = [record.origins for record in records if record.origins is not None]
+    assert len(origins) == len(records)  # older runs are not gone on with
+    total = sum(len(record.fitness) for record in records)
+    table: dict[str, Any] = {"generation": np.full(total, generation, np.int32)}
+    table["robot"] = pa.array([record.robot for record in records for _ in record.fitness])
+    table["index"] = joined((np.arange(len(record.fitness)) for record in records), np.int32)
+    table["group"] = joined((record.group for record in records), np.int32)
+    table["fitness"] = joined((record.fitness for record in records), np.float64)
+    for name in records[0].counts:
+        table[name] = joined((record.counts[name] for record in records), np.int32)
+    table["depth"] = joined((record.depth for record in records), np.int16)
+    table["nodes"] = joined((record.nodes for record in records), np.int32)
+    codes = [tree for record in records for tree in record.codes]
+    ends = np.cumsum([0, *(len(tree) for tree in codes)]).astype(np.int32)
+    table["tree"] = pa.ListArray.from_arrays(pa.array(ends), pa.array(np.concatenate(codes)))
+    operators = pa.array(joined((of.operator for of in origins), np.int32))
+    table["operator"] = pa.DictionaryArray.from_arrays(operators, pa.array(OPERATORS))
+    for number in range(2):
+        table[f"parent_{number + 1}"] = joined((of.parents[:, number] for of in origins), np.int32)
+    for name in terminals:
+        none = [np.zeros(len(record.fitness), np.int32) for record in records]
+        chosen = (record.chosen.get(name, zeros) for record, zeros in zip(records, none, strict=True))
+        table[CHOSE + name] = joined(chosen, np.int32)
+    return pa.table(table)
+
+
+def read_record(
+    role: int, robot: str, rows: pd.DataFrame, counts: Sequence[str], terminals: Sequence[str]
+) -> GenerationRecord:
+    """Return the record of a role from its rows of individuals.parquet.
+
+    Args:
+        role, robot: number and name.
+        rows: of one generation.
+        counts: of the game.
+        terminals: of the role.
+    """
+    rows = rows.sort_values("index")
+    origins = None
+    if "operator" in rows:
+        operator = np.array([OPERATORS.index(name) for name in rows["operator"]], np.uint8)
+        origins = Origins(operator, rows[["parent_1", "parent_2"]].to_numpy(np.int32))
+    return GenerationRecord(
+        role,
+        robot,
+        [np.asarray(tree, np.uint8) for tree in rows["tree"]],
+        rows["group"].to_numpy(np.int64),
+        rows["fitness"].to_numpy(np.float64),
+        {name: rows[name].to_numpy(np.int64) for name in counts},
+        rows["depth"].to_numpy(np.int64),
+        rows["nodes"].to_numpy(np.int64),
+        origins,
+        {name: rows[CHOSE + name].to_numpy(np.int64) for name in terminals if CHOSE + name in rows},
+    )

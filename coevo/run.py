@@ -23,9 +23,9 @@ from coevo.config import EvolutionSettings, check_experiment, read_toml, to_toml
 from coevo.environment import environment
 from coevo.errors import InputError
 from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, write_whole
-from coevo.game import Game, make_game, own_references
+from coevo.game import Game, make_game, own_references, terminals_of
 from coevo.plugins import own_file, search_folders
-from coevo.records import Checkpoint, GenerationRecord, columns, table_lines
+from coevo.records import Checkpoint, GenerationRecord, columns, individuals_table, read_record, table_lines
 from coevo.tree import Tree, from_codes
 
 if TYPE_CHECKING:
@@ -33,7 +33,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Run", "create_run", "open_run"]
 
-_FORMAT = 1
+_FORMAT = 2  # of the checkpoint; 1 did not tell where individuals came from
+_OLDER = (
+    "was written by an older coevo, which did not keep where individuals came from. The run can be read, but not gone"
+    " on with; repeat it with 'coevo evolve' and its config.toml"
+)
 
 
 @contextmanager
@@ -167,10 +171,13 @@ class Run:
         """Return what comes next, or None if no generation is finished.
 
         Raises:
-            InputError: the checkpoint is damaged or belongs to another run.
+            InputError: the run cannot be gone on with: the checkpoint is damaged or belongs to another run, or the
+                individuals are those of an older version.
         """
-        path = self.path / "checkpoint.npz"
+        path, last = self.path / "checkpoint.npz", self.finished - 1
         if not path.exists():
+            if last >= 0 and "operator" not in self._part(last):
+                raise InputError(f"{self._part_path(last)} {_OLDER}")
             return None
         remedy = "delete it and resume again: it is made anew from individuals.parquet"
         try:
@@ -178,17 +185,15 @@ class Run:
             stored = arrays.pop("digest")
             if not np.array_equal(stored, digest_of(arrays)):
                 raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
+            if int(arrays["format"][0]) < _FORMAT:
+                raise InputError(f"{path} {_OLDER}")
             if int(arrays["format"][0]) != _FORMAT:
                 raise InputError(
                     f"{path} has format {int(arrays['format'][0])}, this version reads {_FORMAT}; {remedy}"
                 )
             if bytes(arrays["run"]) != self._identity():
                 raise InputError(f"{path} belongs to another run: its settings are not those of config.toml; {remedy}")
-            populations = {}
-            for robot in self.evolving:
-                ends = np.cumsum(arrays[f"sizes_{robot}"])
-                populations[robot] = np.split(arrays[f"codes_{robot}"], ends[:-1])
-            return Checkpoint(int(arrays["generation"][0]), populations)
+            return Checkpoint.of(arrays, self.evolving)
         except InputError:
             raise
         except (ValueError, TypeError, LookupError, OSError, DamagedFileError) as error:
@@ -210,22 +215,9 @@ class Run:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        table: dict[str, Any] = {}
-        total = sum(len(record.fitness) for record in records)
-        table["generation"] = np.full(total, generation, np.int32)
-        table["robot"] = pa.array([record.robot for record in records for _ in record.fitness])
-        table["index"] = np.concatenate([np.arange(len(record.fitness), dtype=np.int32) for record in records])
-        table["group"] = np.concatenate([record.group.astype(np.int32) for record in records])
-        table["fitness"] = np.concatenate([record.fitness for record in records])
-        for name in self.game.counts:
-            table[name] = np.concatenate([record.counts[name].astype(np.int32) for record in records])
-        table["depth"] = np.concatenate([record.depth.astype(np.int16) for record in records])
-        table["nodes"] = np.concatenate([record.nodes.astype(np.int32) for record in records])
-        codes = [tree for record in records for tree in record.codes]
-        ends = np.cumsum([0, *(len(tree) for tree in codes)]).astype(np.int32)
-        table["tree"] = pa.ListArray.from_arrays(pa.array(ends), pa.array(np.concatenate(codes)))
+        table = individuals_table(generation, records, terminals_of(self.game))
         buffer = pa.BufferOutputStream()  # Arrow's own, as in reading
-        pq.write_table(pa.table(table), buffer, compression="zstd")
+        pq.write_table(table, buffer, compression="zstd")
         path = self._part_path(generation)
         with _writing(path):
             path.parent.mkdir(exist_ok=True)
@@ -258,34 +250,20 @@ class Run:
         """Return what was saved of a generation, a record a role."""
         found = []
         for role, robot in self.evolving.items():
-            rows = self.record(generation, robot).sort_values("index")
-            found.append(
-                GenerationRecord(
-                    role,
-                    robot,
-                    [np.asarray(tree, np.uint8) for tree in rows["tree"]],
-                    rows["group"].to_numpy(np.int64),
-                    rows["fitness"].to_numpy(np.float64),
-                    {name: rows[name].to_numpy(np.int64) for name in self.game.counts},
-                    rows["depth"].to_numpy(np.int64),
-                    rows["nodes"].to_numpy(np.int64),
-                )
-            )
+            rows = self.record(generation, robot)
+            found.append(read_record(role, robot, rows, self.game.counts, self.game.function_set(role).terminals))
         return found
 
     def save_checkpoint(self, checkpoint: Checkpoint) -> None:
         """Write what comes next."""
-        arrays: dict[str, NDArray[Any]] = {
+        arrays = {
             "format": np.array([_FORMAT]),
-            "generation": np.array([checkpoint.generation]),
             "run": np.frombuffer(self._identity(), np.uint8),
+            **checkpoint.arrays(),
         }
         parts = [self._part_path(generation) for generation in range(checkpoint.generation)]
         digests = [hashlib.sha256(path.read_bytes()).digest() for path in parts if path.exists()]
         arrays["parts"] = np.frombuffer(b"".join(digests), np.uint8)
-        for robot, codes in checkpoint.populations.items():
-            arrays[f"sizes_{robot}"] = np.array([len(tree) for tree in codes], np.int64)
-            arrays[f"codes_{robot}"] = np.concatenate(codes)
         arrays["digest"] = digest_of(arrays)
         _write_whole(self.path / "checkpoint.npz", pack_arrays(arrays))
 

@@ -10,13 +10,14 @@ import pytest
 
 from coevo.config import EvaluationSettings, EvolutionSettings, FitnessSettings, ForeignSettings, GPSettings
 from coevo.errors import InputError
+from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator, Match
 from coevo.fitness import Scorer
 from coevo.game import check_game, make_game
 from coevo.plugins import load_callable, own_file, search_folders
 from coevo.run import create_run
 from coevo.seeds import RunStream, game_seeds
-from coevo.tree import compile_program, parse, tree_codes
+from coevo.tree import compile_program, from_codes, parse, tree_codes
 
 GAME = """
 import numpy as np
@@ -163,6 +164,8 @@ def test_a_factory_gets_its_table(own):
         pytest.param('Role("two", 1)', 'Role("t,w", 1)', "got the role 't,w'", id="a comma"),
         pytest.param('Role("two", 1)', 'Role("two", -1)', "team of two to be 0 or more, got -1", id="no team"),
         pytest.param('("points",)', '("fitness",)', "has a column 'fitness' of its own", id="a column's name"),
+        pytest.param('("points",)', '("chose_dark",)', "a column 'chose_dark' of its own", id="a terminal's column"),
+        pytest.param('("points",)', '("parent_1",)', "has a column 'parent_1' of its own", id="a parent's column"),
         pytest.param('("points",)', '("a b",)', "got the count 'a b'", id="a space"),
         pytest.param('return FunctionSet(("IF_dark",), ("go", "stay"))', "return 3", "must return a .*Func", id="set"),
         pytest.param('("go", "stay")', '("IF_go",)', "making the game mine:make failed: ValueError", id="terminals"),
@@ -172,6 +175,27 @@ def test_a_game_that_breaks_the_contract_is_told(wrong, right, message, own):
     assert wrong in GAME
     with pytest.raises(InputError, match=message):
         make_game(game_settings(), own(GAME.replace(wrong, right)))
+
+
+def test_what_is_chosen_has_a_column_for_each_terminal_of_any_role(own, tmp_path):
+    """Roles may differ in their terminals; who lacks one has chosen it 0 times."""
+    text = GAME.replace('("go", "stay"))', '(("wait", "stay"), ("stay", "go"), ())[role])').replace(
+        "np.zeros(0 if p is None else len(p.codes), np.int64)",
+        "np.zeros(0, np.int64) if p is None else np.where(p.codes == -1, 3, 10) * (p.codes < 0)",
+    )
+    folders = own(text + "def f(measures, **now): return measures['points'] * 1.0\n")
+    run = create_run(tmp_path / "run", game_settings(), folders)
+    with Evaluator(run.config, workers=1, backend="threads", folders=run.folders) as evaluator:
+        evolve(run, evaluator, lambda _: None)
+    table = run.individuals
+    assert [name for name in table if name.startswith("chose_")] == ["chose_wait", "chose_stay", "chose_go"]
+    terminals = {"one": ("wait", "stay"), "two": ("stay", "go")}
+    for row in table.itertuples():
+        names = from_codes(row.tree, run.game.function_set(run.number_of(row.robot))).names
+        steps = dict(zip(terminals[row.robot], (3, 10), strict=True))
+        expected = [names.count(name) * steps.get(name, 0) for name in ("wait", "stay", "go")]
+        assert [row.chose_wait, row.chose_stay, row.chose_go] == expected
+    assert {record.robot: tuple(record.chosen) for record in run.records(1)} == terminals
 
 
 def test_somebody_has_to_evolve(own):

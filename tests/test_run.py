@@ -15,13 +15,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 from coevo.config import RunSettings, check, read_toml
 from coevo.errors import InputError
 from coevo.files import digest_of
 from coevo.game import function_set
-from coevo.records import Checkpoint
+from coevo.records import Checkpoint, Origins
 from coevo.run import Run, create_run, open_run
 from coevo.tree import Tree, from_codes
 
@@ -143,6 +144,16 @@ def test_a_run_killed_over_and_over_goes_on_to_the_same_bytes(
         assert kills < 20
     assert kills >= 2
     assert results_of(run.path) == results_of(small_run.path)
+
+
+@pytest.mark.parametrize("number", [2, 4, 5])
+def test_parents_and_choices_survive_a_kill(number, small_run, killed_run, go_on):
+    """Told apart from the bytes, so that it is seen that they are there."""
+    run = go_on(killed_run(number))
+    columns = ["operator", "parent_1", "parent_2", "chose_shoot", "chose_pass", "chose_avoid", "chose_search"]
+    pd.testing.assert_frame_equal(run.individuals[columns], small_run.individuals[columns])
+    assert set(run.individuals["operator"]) >= {"creation", "elite", "crossover"}
+    assert run.individuals["operator"].dtype == "category"
 
 
 @pytest.mark.parametrize("number", [2, 3, 5, 6, 7, 8])
@@ -300,6 +311,8 @@ def test_the_remedy_for_a_damaged_checkpoint_works(killed_run, go_on, small_run,
 def same(one, other):
     return one.generation == other.generation and all(
         [tree.tolist() for tree in one.populations[robot]] == [tree.tolist() for tree in other.populations[robot]]
+        and one.origins[robot].operator.tolist() == other.origins[robot].operator.tolist()
+        and one.origins[robot].parents.tolist() == other.origins[robot].parents.tolist()
         for robot in other.populations
     )
 
@@ -365,11 +378,32 @@ def rewritten(run, changed):
 
 def test_a_checkpoint_of_another_format_is_refused(copied_run):
     rewritten(copied_run, {"format": np.array([99])})
-    assert "has format 99, this version reads 1" in refused(copied_run)
+    assert "has format 99, this version reads 2" in refused(copied_run)
 
 
-def test_a_checkpoint_that_lacks_something_is_refused(copied_run):
-    rewritten(copied_run, {"codes_1": None})
+def without_ancestry(run):
+    """Make a run one that was written before individuals had parents."""
+    rewritten(run, {"format": np.array([1]), "parts": np.zeros(0, np.uint8)})
+    for path in (run.path / "individuals.parquet").iterdir():
+        table = pq.read_table(path)
+        pq.write_table(table.select(table.column_names[: table.column_names.index("tree") + 1]), path)
+
+
+def test_a_run_without_ancestry_can_be_read_but_not_gone_on_with(copied_run, go_on, small_run):
+    without_ancestry(copied_run)
+    assert copied_run.tree("r1", 2, 3) == small_run.tree("r1", 2, 3)
+    assert {record.origins for record in copied_run.records(1)} == {None}
+    (copied_run.path / "individuals.parquet" / "part-00002.parquet").unlink()
+    for named in ("checkpoint.npz", "individuals.parquet/part-00001.parquet"):
+        with pytest.raises(InputError, match=r"written by an older coevo.* can be read, but not gone on with") as told:
+            go_on(copied_run)
+        assert str(told.value).startswith(str(copied_run.path / named))
+        (copied_run.path / "checkpoint.npz").unlink(missing_ok=True)
+
+
+@pytest.mark.parametrize("name", ["codes_1", "operator_0", "parents_2"])
+def test_a_checkpoint_that_lacks_something_is_refused(name, copied_run):
+    rewritten(copied_run, {name: None})
     assert "is damaged" in refused(copied_run)
 
 
@@ -377,8 +411,10 @@ def test_a_checkpoint_can_be_written_and_read(small_settings, tmp_path):
     run = create_run(tmp_path / "run", small_settings())
     assert run.checkpoint() is None
     trees = {robot: [np.arange(n, dtype=np.uint8) for n in (1, 3, 5)] for robot in range(3)}
-    run.save_checkpoint(Checkpoint(7, trees))
-    assert same(run.checkpoint(), Checkpoint(7, trees))
+    parents = np.array([(-1, -1), (3, -1), (0, 2)], np.int32)
+    saved = Checkpoint(7, trees, {robot: Origins(np.array([0, 1, robot], np.uint8), parents) for robot in trees})
+    run.save_checkpoint(saved)
+    assert same(run.checkpoint(), saved)
     with zipfile.ZipFile(run.path / "checkpoint.npz") as archive:
         assert not [name for name in archive.namelist() if b"\x80\x04" in archive.read(name)[:4]]  # nothing pickled
 

@@ -1,5 +1,6 @@
 """Commands that read runs; each hangs on ``coevo`` by an entry point."""
 
+from analysis.commands.ancestry import ancestry
 from analysis.commands.tournament import tournament
 
-__all__ = ["tournament"]
+__all__ = ["ancestry", "tournament"]

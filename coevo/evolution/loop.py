@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from coevo.config import EvolutionSettings
 from coevo.evolution.evaluation import Evaluator, Match, group_seeds
 from coevo.evolution.grouping import random_groups
-from coevo.evolution.population import Individual, breed, codes_of, first_population, individual_of
+from coevo.evolution.population import Individual, breed, codes_of, first_population, origins_of, parents_of
 from coevo.fitness import Scorer
 from coevo.game import Played
-from coevo.records import Checkpoint, GenerationRecord
+from coevo.records import Checkpoint, GenerationRecord, Origins
 from coevo.run import Run
 from coevo.tree import FunctionSet, Program
 from coevo.tree.program import measure
@@ -41,10 +41,10 @@ class GenerationReport:
 
 
 class _Population:
-    """One role's individuals as codes and programs."""
+    """One role's individuals as codes and programs, and where they came from."""
 
-    def __init__(self, role: int, codes: Sequence[NDArray[np.uint8]], functions: FunctionSet) -> None:
-        self.role, self.codes = role, codes
+    def __init__(self, role: int, codes: Sequence[NDArray[np.uint8]], origins: Origins, functions: FunctionSet) -> None:
+        self.role, self.codes, self.origins, self.terminals = role, codes, origins, functions.terminals
         measured = [measure(tree, functions) for tree in codes]
         self.programs = [program for program, _ in measured]
         self.depth = np.array([depth for _, depth in measured], np.int64)
@@ -55,10 +55,22 @@ def _summed(outcomes: Sequence[Played], counts: Sequence[str]) -> dict[str, NDAr
     return {name: np.array([played.counts[name].sum(axis=0) for played in outcomes]) for name in counts}
 
 
+def _chosen(
+    population: _Population, group: NDArray[np.int64], outcomes: Sequence[Played]
+) -> dict[str, NDArray[np.int64]]:
+    """Return for each terminal (population,), how often each individual chose it in its group's games."""
+    each = np.zeros((len(group), len(population.terminals)), np.int64)
+    for index, (program, played) in enumerate(zip(population.programs, (outcomes[g] for g in group), strict=True)):
+        leaves = program.codes < 0
+        np.add.at(each[index], -1 - program.codes[leaves], played.leaf_steps[population.role][leaves])
+    return dict(zip(population.terminals, each.T, strict=True))
+
+
 def _record(
     population: _Population,
     name: str,
     individual_of_group: NDArray[np.int64],
+    outcomes: Sequence[Played],
     sums: Mapping[str, NDArray[np.int64]],
     scorer: Scorer,
     generation: int,
@@ -67,21 +79,33 @@ def _record(
     group = np.empty_like(individual_of_group)
     group[individual_of_group] = np.arange(len(group))
     counts = {measure: values[group, population.role] for measure, values in sums.items()}
-    nodes = np.array([len(tree) for tree in population.codes], np.int64)
-    fitness = scorer(counts, generation)
-    return GenerationRecord(population.role, name, population.codes, group, fitness, counts, population.depth, nodes)
+    return GenerationRecord(
+        population.role,
+        name,
+        population.codes,
+        group,
+        fitness=scorer(counts, generation),
+        counts=counts,
+        depth=population.depth,
+        nodes=np.array([len(tree) for tree in population.codes], np.int64),
+        origins=population.origins,
+        chosen=_chosen(population, group, outcomes),
+    )
 
 
-def _next_codes(
+def _next(
     record: GenerationRecord, settings: EvolutionSettings, functions: FunctionSet, generation: int
-) -> list[NDArray[np.uint8]]:
-    parents: list[Individual] = []
-    for codes, fitness, depth in zip(record.codes, record.fitness.tolist(), record.depth.tolist(), strict=True):
-        parent = individual_of(codes, functions)
-        parent.fitness.values = (fitness, float(depth))
-        parents.append(parent)
-    children = breed(parents, settings.gp, functions, seed=settings.seed, generation=generation, robot=record.role)
-    return [codes_of(child, functions) for child in children]
+) -> list[Individual]:
+    parents = parents_of(record.codes, record.fitness, record.depth, functions)
+    return breed(parents, settings.gp, functions, seed=settings.seed, generation=generation, robot=record.role)
+
+
+def _checkpoint(
+    generation: int, populations: Mapping[int, Sequence[Individual]], functions: Mapping[int, FunctionSet]
+) -> Checkpoint:
+    """Return what is kept of the populations of the next generation."""
+    codes = {role: [codes_of(one, functions[role]) for one in members] for role, members in populations.items()}
+    return Checkpoint(generation, codes, {role: origins_of(members) for role, members in populations.items()})
 
 
 def _rebuild(run: Run, functions: Mapping[int, FunctionSet]) -> Checkpoint:
@@ -89,18 +113,13 @@ def _rebuild(run: Run, functions: Mapping[int, FunctionSet]) -> Checkpoint:
     settings, generation = run.config, run.finished - 1
     if generation < 0:
         first = {
-            role: [
-                codes_of(tree, functions[role])
-                for tree in first_population(settings.gp, functions[role], seed=settings.seed, robot=role)
-            ]
+            role: first_population(settings.gp, functions[role], seed=settings.seed, robot=role)
             for role in run.evolving
         }
-        return Checkpoint(0, first)
-    populations = {
-        record.role: _next_codes(record, settings, functions[record.role], generation)
-        for record in run.records(generation)
-    }
-    return Checkpoint(generation + 1, populations)
+        return _checkpoint(0, first, functions)
+    records = run.records(generation)
+    following = {record.role: _next(record, settings, functions[record.role], generation) for record in records}
+    return _checkpoint(generation + 1, following, functions)
 
 
 def _matches(settings: EvolutionSettings, generation: int, teams: Sequence[Sequence[Program | None]]) -> list[Match]:
@@ -141,7 +160,9 @@ def evolve(run: Run, evaluator: Evaluator, report: Callable[[GenerationReport], 
     while state.generation < settings.gp.generations:
         began = time.perf_counter()
         generation = state.generation
-        populations = [_Population(role, codes, functions[role]) for role, codes in state.populations.items()]
+        populations = [
+            _Population(role, codes, state.origins[role], functions[role]) for role, codes in state.populations.items()
+        ]
         groups = random_groups(settings.gp.population, len(populations), seed=settings.seed, generation=generation)
         teams: list[list[Program | None]] = []
         for row in groups:
@@ -154,14 +175,14 @@ def evolve(run: Run, evaluator: Evaluator, report: Callable[[GenerationReport], 
         played = time.perf_counter()
         sums = _summed(outcomes, game.counts)
         records = [
-            _record(population, game.roles[population.role].name, groups[:, i], sums, scorer, generation)
+            _record(population, game.roles[population.role].name, groups[:, i], outcomes, sums, scorer, generation)
             for i, population in enumerate(populations)
         ]
-        following = {r.role: r.codes for r in records}
+        state = Checkpoint(generation + 1, state.populations, state.origins)  # the last one stays as it is
         if generation + 1 < settings.gp.generations:
-            following = {r.role: _next_codes(r, settings, functions[r.role], generation) for r in records}
+            following = {r.role: _next(r, settings, functions[r.role], generation) for r in records}
+            state = _checkpoint(generation + 1, following, functions)
         run.save_generation(generation, records)
-        state = Checkpoint(generation + 1, following)
         run.save_checkpoint(state)
         report(
             GenerationReport(

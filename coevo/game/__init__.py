@@ -1,7 +1,7 @@
 """Games that trees play: the contract of a game, and soccer."""
 
 from coevo.game.arena import Arena, Outcome, StartsDoNotFitError, Trace, load_bank, warm_up
-from coevo.game.contract import Game, Played, Role, check_game, check_played, programs_of, teams_of
+from coevo.game.contract import Game, Played, Role, check_game, check_played, programs_of, teams_of, terminals_of
 from coevo.game.make import check_playable, make_game, own_references, prepare
 from coevo.game.soccer import SoccerGame, function_set
 
@@ -24,5 +24,6 @@ __all__ = [
     "prepare",
     "programs_of",
     "teams_of",
+    "terminals_of",
     "warm_up",
 ]

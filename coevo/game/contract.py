@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.errors import InputError
+from coevo.records import CHOSE
 from coevo.tree import FunctionSet, Program, Tree, compile_program, tree_codes
 
-__all__ = ["Game", "Played", "Role", "check_game", "check_played", "programs_of", "teams_of"]
+__all__ = ["Game", "Played", "Role", "check_game", "check_played", "programs_of", "teams_of", "terminals_of"]
 
 _NAME = re.compile(r"[A-Za-z]\w{0,31}", re.ASCII)
-# Columns of a run folder that are not counts of a game.
+# Columns of a run folder that are not counts of a game, as those are not that begin with CHOSE.
 _TAKEN = {"generation", "robot", "index", "group", "fitness", "depth", "nodes", "tree", "operator"} | {
     *("parent_1", "parent_2", "fitness_best", "fitness_mean", "fitness_worst"),
     *(f"{size}_{which}" for size in ("depth", "nodes") for which in ("best", "mean", "worst")),
@@ -84,6 +85,12 @@ def teams_of(game: Game) -> tuple[int, ...]:
     return tuple(sorted({role.team for role in game.roles}))
 
 
+def terminals_of(game: Game) -> tuple[str, ...]:
+    """Return what the trees of any role that evolves can choose, each name once, in the order of the roles."""
+    sets = [game.function_set(number) for number, role in enumerate(game.roles) if role.evolves]
+    return tuple(dict.fromkeys(name for functions in sets for name in functions.terminals))
+
+
 def programs_of(game: Game, trees: Sequence[Tree | None]) -> list[Program | None]:
     """Return the programs of trees, one for each role, None for roles that have no tree.
 
@@ -112,7 +119,7 @@ def check_game(game: Game, what: str) -> None:
         wrong = next((name for name in given if not _NAME.fullmatch(name) or given.count(name) > 1), None)
         if wrong is not None:
             raise InputError(f"{what}: expected names of letters, digits and _, each once; got the {kind} {wrong!r}")
-    taken = sorted(_TAKEN.intersection(game.counts))
+    taken = sorted(name for name in game.counts if name in _TAKEN or name.startswith(CHOSE))
     if taken:
         raise InputError(f"{what}: a run folder has a column {taken[0]!r} of its own; count under another name")
     if not any(role.evolves for role in game.roles):

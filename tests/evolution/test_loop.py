@@ -6,6 +6,7 @@ import itertools
 import random
 import signal
 import threading
+from collections import Counter
 
 import numpy as np
 import pandas as pd
@@ -20,10 +21,14 @@ from coevo.fitness import fixed, varying
 from coevo.game import Arena, SoccerGame, function_set
 from coevo.run import create_run
 from coevo.tree import compile_program, from_codes
+from coevo.vocabulary import SKILLS
 
 FITNESS_OF = ["goals", "lost", "kicks", "collisions", "steps"]
 COUNTS = [*FITNESS_OF, "passes", "own_goals"]
-INDIVIDUAL_COLUMNS = ["generation", "robot", "index", "group", "fitness", *COUNTS, "depth", "nodes", "tree"]
+INDIVIDUAL_COLUMNS = [
+    *("generation", "robot", "index", "group", "fitness", *COUNTS, "depth", "nodes", "tree"),
+    *("operator", "parent_1", "parent_2", *(f"chose_{skill}" for skill in SKILLS)),
+]
 GENERATION_COLUMNS = [
     *("generation", "robot", "fitness_best", "fitness_mean", "fitness_worst", *COUNTS),
     *("depth_best", "depth_mean", "depth_worst", "nodes_best", "nodes_mean", "nodes_worst"),
@@ -74,6 +79,8 @@ def test_individuals_have_the_columns_and_types_of_the_contract(run):
     assert types.pop("robot") == "string"
     assert types.pop("fitness") == "double"
     assert types.pop("tree") == "list<element: uint8>"
+    assert types.pop("operator") == "dictionary<values=string, indices=int32, ordered=0>"
+    assert types["parent_1"] == types["parent_2"] == types["chose_shoot"] == "int32"
     assert set(types.values()) <= {"int16", "int32", "int64"}
 
 
@@ -141,6 +148,23 @@ def test_counts_are_those_of_single_games_played_again_alone(run):
             assert row.steps == sum(int(game.steps[0]) for game in games)
 
 
+def test_what_was_chosen_is_what_single_games_say(run):
+    """Again on a fresh arena: which skill each robot was using in each step."""
+    settings, robots = run.config, len(run.config.players)
+    arena = Arena(settings)
+    for (generation, group), rows in read(run).groupby(["generation", "group"]):
+        programs = [None] * robots
+        for row in rows.itertuples():
+            robot = int(row.robot[1:])
+            programs[robot] = compile_program(np.asarray(row.tree, np.uint8), function_set(robot, robots))
+        seeds = group_seeds(settings.seed, generation, group, settings.evaluation.games)
+        used = arena.play(programs, seeds).skill_steps
+        for row in rows.itertuples():
+            chosen = [getattr(row, f"chose_{skill}") for skill in SKILLS]
+            assert chosen == np.asarray(used[int(row.robot[1:])]).tolist()
+            assert sum(chosen) == row.steps
+
+
 def test_the_eventful_run_has_everything_that_is_counted(eventful_run):
     table = read(eventful_run)
     for name in (*FITNESS_OF, "passes"):
@@ -194,6 +218,62 @@ def test_the_best_of_a_generation_is_in_the_next(run):
         best = run.tree(f"r{robot}", generation)
         following = [run.tree(f"r{robot}", generation + 1, rank) for rank in range(run.config.gp.population)]
         assert best in following
+
+
+def subtrees(nested_tree):
+    """Yield a nested tree and all below it."""
+    yield nested_tree
+    if isinstance(nested_tree, tuple):
+        for branch in nested_tree[1:]:
+            yield from subtrees(branch)
+
+
+def replacements(parent, child):
+    """Return all pairs of what one replaced subtree may have been and become; (None, None) if any will do."""
+    if parent == child:
+        return [(None, None)]
+    pairs = [(parent, child)]
+    if isinstance(parent, tuple) and isinstance(child, tuple) and parent[0] == child[0]:
+        differing = [(a, b) for a, b in zip(parent[1:], child[1:], strict=True) if a != b]
+        if len(differing) == 1:
+            pairs += replacements(*differing[0])
+    return pairs
+
+
+def test_every_individual_is_what_its_operator_makes_of_its_parents(run, nested):
+    """Trees are compared whole: nothing here knows how children are bred."""
+    table, seen = read(run), Counter()
+    for robot in evolving(run):
+        of_robot = table[table.robot == f"r{robot}"]
+        functions = function_set(robot, len(run.config.players))
+        trees = {
+            (r.generation, r.index): nested(from_codes(r.tree, functions)) for r in of_robot.itertuples(index=False)
+        }
+        for row in of_robot.itertuples(index=False):
+            child, before = trees[row.generation, row.index], row.generation - 1
+            seen[row.operator] += 1
+            assert (row.operator == "creation") == (row.generation == 0)
+            if row.operator == "creation":
+                assert (row.parent_1, row.parent_2) == (-1, -1)
+                continue
+            parent = trees[before, row.parent_1]
+            if row.operator == "crossover":
+                donated = list(subtrees(trees[before, row.parent_2]))
+                assert any(came is None or came in donated for _, came in replacements(parent, child))
+                assert child[0] == parent[0]  # the root stays
+            else:
+                assert row.parent_2 == -1
+                assert row.operator == "mutation" or child == parent
+                assert row.operator != "mutation" or replacements(parent, child)
+    assert set(seen) <= {"creation", "elite", "reproduction", "crossover", "mutation"}
+    assert min(seen[name] for name in ("creation", "elite", "crossover")) > 0
+
+
+def test_the_elite_are_the_best_of_the_generation_before(run):
+    for robot, generation in itertools.product(evolving(run), range(1, run.config.gp.generations)):
+        rows = run.record(generation, f"r{robot}")
+        kept = rows[rows.operator == "elite"].sort_values("index")["parent_1"].tolist()
+        assert kept == run.record(generation - 1, f"r{robot}")["index"][: run.config.gp.elite].tolist()
 
 
 # ------------------------------------------------------------------------------------------------------- reports

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import random
 from collections import Counter
 
@@ -12,8 +13,9 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from coevo.config import GPSettings
-from coevo.evolution.population import breed, codes_of, first_population, individual_of
+from coevo.evolution.population import Individual, breed, codes_of, first_population, individual_of, origins_of
 from coevo.game import function_set
+from coevo.records import OPERATORS
 from coevo.tree import Tree, parse, tree_codes
 from coevo.vocabulary import SKILLS
 
@@ -292,6 +294,77 @@ def test_copies_mutants_and_crossed_children_have_the_shares_of_the_settings(sha
     copies = reproduction + 2.0 * crossover * itself * ((2 / 6) ** 2 + (4 / 6) ** 2) + mutation * 8 / 15 * grown_leaf
     assert stats.binomtest(counted["copy"], 8000, copies / draws).pvalue > UNLIKELY
     assert stats.binomtest(counted["other leaf"], 8000, mutation * (1.0 - np.mean(only_this)) / draws).pvalue > UNLIKELY
+
+
+# ------------------------------------------------------------------------------------------------------- origins
+
+
+def nodes_of_their_own(trees):
+    """Return parents of which no two nodes are one object, and the place of each node by its object."""
+    parents = [Individual([copy.copy(node) for node in individual(tree)]) for tree in trees]
+    for fitness, parent in enumerate(parents):
+        parent.fitness.values = (float(fitness), 0.0)
+    return parents, {id(node): (i, k) for i, parent in enumerate(parents) for k, node in enumerate(parent)}
+
+
+@given(
+    tree=st.lists(st.from_type(Tree), min_size=2, max_size=6),
+    seed=st.integers(0, 2**32),
+    limit=st.integers(1, 8),
+)
+def test_origins_say_from_which_node_of_which_parent_each_node_came(tree, seed, limit):
+    """DEAP moves its nodes: where each parent's nodes are objects of their own, they tell where they are from."""
+    parents, places = nodes_of_their_own(tree)
+    shares = {"crossover": 0.5, "reproduction": 0.1, "mutation": 0.4}
+    settings = GPSettings(population=12, elite=1, tournament=2, crossover_depth_max=limit, **shares)
+    for child in bred(parents, settings, seed=seed):
+        origin = child.origin
+        expected = [(origin.parent_1, node) for node in range(len(parents[origin.parent_1]))]
+        if origin.operator == "crossover":
+            begin, end = origin.cut
+            expected[begin:end] = [(origin.parent_2, node) for node in range(*origin.graft)]
+        elif origin.operator == "mutation":
+            begin, end = origin.cut
+            expected[begin:end] = [None] * (len(child) - len(expected) + end - begin)
+            assert (origin.parent_2, origin.graft) == (-1, None)
+        else:
+            assert (origin.parent_2, origin.cut, origin.graft) == (-1, None, None)
+        assert [places.get(id(node)) for node in child] == expected
+
+
+def test_a_child_that_the_limit_replaced_is_a_reproduction():
+    """Of parents at the limit of 1, all deeper children are replaced: what crossed has exchanged leaves."""
+    parents = [individual("IF_ball_is_left(shoot, pass)"), individual("IF_ball_is_lost(avoid, search)")]
+    for parent in parents:
+        parent.fitness.values = (0.0, 1.0)
+    children = bred(parents, only("crossover", population=400, crossover_depth_max=1, leaf_probability=1.0))
+    assert {child.origin.operator for child in children} == {"crossover"}
+    deep = [individual(full(4, "IF_ball_is_left")), individual(full(4, "IF_ball_is_lost"))]
+    children = bred(deep, only("crossover", population=400, crossover_depth_max=4, tournament=1))
+    seen = Counter(child.origin.operator for child in children)
+    assert set(seen) == {"crossover", "reproduction"}
+    for child in children:
+        if child.origin.operator == "reproduction":
+            assert names(child) == names(deep[child.origin.parent_1])
+
+
+def test_a_crossover_without_points_is_a_reproduction():
+    parents = [individual("shoot"), individual("IF_ball_is_lost(avoid, search)")]
+    children = bred(parents, only("crossover", population=60, tournament=1, leaf_probability=1.0))
+    seen = Counter((child.origin.operator, names(child)[0]) for child in children)
+    assert set(seen) == {
+        ("reproduction", "shoot"),
+        ("reproduction", "IF_ball_is_lost"),
+        ("crossover", "IF_ball_is_lost"),
+    }
+    assert all(child.origin.parent_1 == (names(child)[0] != "shoot") for child in children)
+
+
+def test_first_individuals_are_created():
+    settings = GPSettings(population=4)
+    origins = origins_of(first_population(settings, functions, seed=1, robot=0))
+    assert origins.operator.tolist() == [OPERATORS.index("creation")] * 4
+    assert origins.parents.tolist() == [[-1, -1]] * 4
 
 
 # ------------------------------------------------------------------------------------------------ random streams

@@ -1,0 +1,76 @@
+"""coevo ancestry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from coevo.console import note, output_options, show, table
+
+if TYPE_CHECKING:
+    from analysis.ancestry import Ancestry
+
+__all__ = ["ancestry"]
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--robot", default=None, help="Which robot; by default the first that evolves.")
+@click.option("--generation", type=click.IntRange(min=0), help="By default the last that is finished.")
+@click.option("--rank", type=click.IntRange(min=0), default=0, show_default=True, help="0 is the best.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Write a picture (.svg, .png, .html), or the table of all ancestors (.csv).",
+)
+@output_options
+def ancestry(
+    *, folder: Path, robot: str | None, generation: int | None, rank: int, out: Path | None, as_json: bool, quiet: bool
+) -> None:
+    """Show where a tree of a run came from: its ancestors, and when each of its nodes came into being.
+
+    \b
+    Example: coevo ancestry runs/smoke-seed0 --robot r1
+             coevo ancestry runs/smoke-seed0 --out family.svg
+    """
+    from analysis.ancestry import ancestors, sentences, summary
+    from analysis.charts import altair, check_out
+    from coevo.errors import InputError
+    from coevo.game import prepare
+    from coevo.run import open_run
+    from coevo.usage import tree_usage
+
+    if out is not None:
+        check_out(out)
+        if out.suffix.lower() != ".csv":
+            altair()
+    run = open_run(folder)
+    robot = robot or next(iter(run.evolving.values()))
+    generation = max(run.finished - 1, 0) if generation is None else generation
+    ranked = run.record(generation, robot)
+    if rank >= len(ranked):
+        raise InputError(f"rank must be from 0 to {len(ranked) - 1}, got {rank}")
+    row = ranked.iloc[rank]
+    prepare(run.config, lambda text: note(text, quiet=quiet))
+    usage = tree_usage(run, generation, int(row["group"]), robot)
+    found = ancestors(run, robot, generation, int(row["index"]), node_steps=usage.node_steps)
+    if out is not None:
+        _write(out, found)
+    told = summary(found)
+    rows = [
+        [f"{of['operator']} in generation {of['generation']}", str(of["nodes"]), str(of["in_use"]), f"{of['use']:.1%}"]
+        for of in told["origins"]
+    ]
+    shown = table(["its nodes came from", "nodes", "in use", "share of use"], rows)
+    written = "" if out is None else f"\n\nWritten: {out}"
+    text = "\n".join([*sentences(told, rank), "", shown]) + written
+    show({"run": str(run.path), "rank": rank, **told}, text, as_json=as_json)
+
+
+def _write(out: Path, found: Ancestry) -> None:
+    from analysis.ancestry.charts import ancestry_chart
+    from analysis.charts import save
+
+    save(ancestry_chart(found), found.ancestors, out)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from coevo.tree.draw import percent
 from coevo.tree.rules import Rule, question
 from coevo.usage import UsedTree
 
-__all__ = ["portrait", "questions"]
+__all__ = ["Description", "describe", "portrait", "questions"]
 
 _RULES = 3  # of a terminal, that are told
 _QUESTIONS = 5  # that are named
@@ -29,6 +30,27 @@ def questions(used: UsedTree) -> list[str]:
     return [question(name) for name in sorted(asked, key=lambda name: -asked[name])]
 
 
+@dataclass(frozen=True)
+class Description:
+    """What a robot does.
+
+    Attributes:
+        about: what it plays, by which questions, and how much of its tree it used.
+        cases: for each terminal that was chosen a line on what it does, and in which share of the decisions; and the
+            share and condition of each case in which it was chosen.
+        worth: how its fitness compares, and how much to believe of it.
+    """
+
+    about: str
+    cases: tuple[tuple[str, tuple[tuple[str, str], ...]], ...]
+    worth: str
+
+
+def describe(used: UsedTree) -> Description:
+    """Return what a robot does in words."""
+    return Description(" ".join([_plays(used), _decides(used), _unused(used)]), tuple(_cases(used)), _worth(used))
+
+
 def portrait(used: UsedTree, unseen: str = "") -> str:
     """Return a few paragraphs on what a robot does.
 
@@ -36,9 +58,13 @@ def portrait(used: UsedTree, unseen: str = "") -> str:
         used: its tree with its use.
         unseen: the command that plays games which evolution has not seen, if it is to be named.
     """
-    about = " ".join([_plays(used), _decides(used), _unused(used)])
-    worth = _fill(_worth(used)) + (f"\nJudge it by games that evolution has not seen:\n  {unseen}" if unseen else "")
-    return "\n\n".join([_fill(about), "\n".join(_cases(used)), worth])
+    told = describe(used)
+    lines = []
+    for heading, cases in told.cases:
+        lines.append(_fill(heading))
+        lines += [_fill(when, f"{share:>7}  ", " " * 9) for share, when in cases]
+    worth = _fill(told.worth) + (f"\nJudge it by games that evolution has not seen:\n  {unseen}" if unseen else "")
+    return "\n\n".join([_fill(told.about), "\n".join(lines) or "It was never asked.", worth])
 
 
 def _plays(used: UsedTree) -> str:
@@ -76,28 +102,26 @@ def _unused(used: UsedTree) -> str:
     )
 
 
-def _cases(used: UsedTree) -> list[str]:
-    """Return for each terminal what it does, and when it was chosen."""
+def _cases(used: UsedTree) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
+    """Yield for each terminal what it does, and in which share of the decisions it was chosen when."""
     cases: dict[str, list[Rule]] = {}
     for rule in used.rules_in_use:
         if rule.steps:
             cases.setdefault(rule.terminal, []).append(rule)
-    lines = []
     for name, share in sorted(used.usage.skill_use.items(), key=lambda item: -item[1]):
         if name not in cases:
             continue
         said = used.functions.descriptions.get(name, "")
-        lines.append(_fill(f"{name} {percent(share)}{f': {said}' if said else ''}"))
         # One case more takes no more room than the line that says that there is one.
         told = len(cases[name]) if len(cases[name]) <= _RULES + 1 else _RULES
-        for rule in cases[name][:told]:
-            when = "whatever it sees" if not rule.conditions else f"when {rule.when}"
-            lines.append(_fill(when, f"{percent(rule.share or 0.0):>7}  ", " " * 9))
+        lines = [
+            (percent(rule.share or 0.0), f"when {rule.when}" if rule.conditions else "whatever it sees")
+            for rule in cases[name][:told]
+        ]
         rest = cases[name][told:]
         if rest:
-            left = sum(rule.share or 0.0 for rule in rest)
-            lines.append(f"{percent(left):>7}  in {len(rest)} other cases")
-    return lines or ["It was never asked."]
+            lines.append((percent(sum(rule.share or 0.0 for rule in rest)), f"in {len(rest)} other cases"))
+        yield f"{name} {percent(share)}{f': {said}' if said else ''}", tuple(lines)
 
 
 def _worth(used: UsedTree) -> str:

@@ -88,6 +88,14 @@ class Run:
         frames = [self._part(generation) for generation in range(self.finished)]
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
+    @property
+    def environment(self) -> str:
+        """``environment.json`` as it stands: versions, commit, digests of skills."""
+        try:
+            return (self.path / "environment.json").read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError):
+            return ""
+
     @cached_property
     def game(self) -> Game:
         """The game that is played; one of one's own is imported when this is first asked for."""

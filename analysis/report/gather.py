@@ -1,0 +1,101 @@
+"""What a report tells of one run: games are played for it, or read where they are kept in the run folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from analysis.ancestry import Ancestry, ancestors
+from analysis.progress import Diagnosis
+from analysis.tournament import (
+    Against,
+    Left,
+    Tournament,
+    chosen_generations,
+    diagnoses,
+    left_over,
+    play_again,
+    play_against,
+    play_tournament,
+    single_skill_outsiders,
+    stored_tournaments,
+)
+from coevo.contest import Judged, judge
+from coevo.evolution.evaluation import Evaluator
+from coevo.run import Run
+from coevo.usage import UsedTree, used_tree
+
+__all__ = ["Findings", "find_out"]
+
+_GENERATIONS = 15  # of a tournament that is played for a report
+_GAMES = 20  # of a pair
+_OUTSIDE = 40  # of a generation against an outsider
+_REPEATS = 4
+_UNSEEN = 400  # games by which the last champions are judged
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What was found out about a run.
+
+    Attributes:
+        run: the run.
+        judged: how its last champions do in unseen games.
+        tournament: all generations against each other, or some.
+        diagnoses: of each side of it; None where there are too few generations.
+        against: generations against single skills.
+        left: how much of champions' advantage is left when they play again.
+        trees: the champion of each robot of the last generation, with its use.
+        ancestries: where these came from.
+    """
+
+    run: Run
+    judged: Sequence[Judged]
+    tournament: Tournament
+    diagnoses: Sequence[Diagnosis | None]
+    against: Against
+    left: Sequence[Left]
+    trees: Sequence[UsedTree]
+    ancestries: Sequence[Ancestry]
+
+    @property
+    def sides(self) -> dict[int, str]:
+        """A name for each team."""
+        return {
+            team: ", ".join(names) for team, names in zip(self.tournament.teams, self.tournament.robots, strict=True)
+        }
+
+
+def find_out(run: Run, evaluator: Evaluator, tell: Callable[[str], None]) -> Findings:
+    """Play what a report needs.
+
+    Args:
+        run: with at least one finished generation.
+        evaluator: plays.
+        tell: receives a line before each part.
+
+    Raises:
+        InputError: no generation is finished.
+    """
+    generations = chosen_generations(run.finished, max(1, -(-run.finished // _GENERATIONS)))
+    tell(f"Judging the last champions by {_UNSEEN} games that evolution has not seen ...")
+    judged = list(judge(run, evaluator, games=_UNSEEN))
+    kept = next((one for one in stored_tournaments(run) if one.individuals == "best"), None)
+    if kept is not None and kept.generations[-1] == run.finished - 1 and len(kept.generations) >= len(generations):
+        tournament = kept
+    else:
+        tell(f"Letting {len(generations)} generations play against each other ...")
+        tournament = play_tournament(run, evaluator, generations=generations, games=_GAMES)
+    tell("Letting them play against single skills, and once more ...")
+    against = play_against(run, evaluator, single_skill_outsiders(run), generations=generations, games=_OUTSIDE)
+    left = left_over(play_again(run, evaluator, generations=generations, repeats=_REPEATS))
+    tell("Following trees and their ancestry ...")
+    last = run.finished - 1
+    trees = [used_tree(run, robot, last) for robot in run.evolving.values()]
+    ancestries = [
+        ancestors(
+            run, tree.robot, last, int(run.record(last, tree.robot)["index"].iloc[0]), node_steps=tree.usage.node_steps
+        )
+        for tree in trees
+    ]
+    return Findings(run, judged, tournament, diagnoses(tournament), against, left, trees, ancestries)

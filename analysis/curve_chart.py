@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
@@ -129,10 +129,10 @@ def chart(curves: pd.DataFrame, words: Words | None = None) -> alt.VConcatChart:
     heading = {"text": words.title, "subtitle": words.subtitle, "anchor": "start", "fontSize": 15}
     if len(robots) == 1 and not words.title.endswith(robots[0]):
         heading["text"] = f"{words.title} {robots[0]}".strip()
-    whole: alt.VConcatChart = alt.vconcat(*rows, spacing=10, title=heading).resolve_scale(
+    whole = alt.vconcat(*rows, spacing=10, title=heading).resolve_scale(
         color="shared", strokeDash="shared", strokeWidth="shared"
     )
-    return whole
+    return cast("alt.VConcatChart", whole)
 
 
 def _domain(part: pd.DataFrame) -> tuple[float, float]:

@@ -1,6 +1,7 @@
 """Commands that read runs; each hangs on ``coevo`` by an entry point."""
 
 from analysis.commands.ancestry import ancestry
+from analysis.commands.curves import curves
 from analysis.commands.tournament import tournament
 
-__all__ = ["ancestry", "tournament"]
+__all__ = ["ancestry", "curves", "tournament"]

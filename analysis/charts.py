@@ -104,11 +104,11 @@ def chart_bytes(chart: alt.TopLevelMixin, suffix: str) -> bytes:
     return str(vl_convert.vegalite_to_svg(spec)).encode()
 
 
-def save(chart: alt.TopLevelMixin, table: pd.DataFrame, path: Path) -> None:
+def save(chart: alt.TopLevelMixin | None, table: pd.DataFrame, path: Path) -> None:
     """Write a chart, or the table behind it, by the suffix of the file: whole or not at all.
 
     Args:
-        chart: of altair.
+        chart: of altair; None if it is only the table that is written, which needs no altair.
         table: what ``.csv`` holds.
         path: ends in one of ``SUFFIXES``.
 
@@ -117,7 +117,11 @@ def save(chart: alt.TopLevelMixin, table: pd.DataFrame, path: Path) -> None:
     """
     check_out(path)
     suffix = path.suffix.lower()
-    data = table.to_csv(index=False).encode() if suffix == ".csv" else chart_bytes(chart, suffix)
+    if suffix == ".csv":
+        data = table.to_csv(index=False).encode()
+    else:
+        assert chart is not None
+        data = chart_bytes(chart, suffix)
     try:
         write_whole(path, data)
     except OSError as error:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
@@ -28,7 +28,7 @@ _ACROSS = 3  # measures in a row, if there is one robot
 _MOST_NAMED = 2  # groups in a title; the legend names all
 _ROOM = 0.15  # of the range of the lines that a band may go beyond it
 _AXIS = 38  # room for the numbers of an axis, the same everywhere, so that panels stand in columns
-_STROKES = {"best": 2.8, "mean": 1.2, "worst": 1.0}
+_STROKES = {"best": 2.4, "mean": 1.2, "worst": 1.0}
 _DASHES: dict[str, list[int]] = {"best": [1, 0], "mean": [1, 0], "worst": [3, 3]}
 _ONE_GROUP = {"best": COLOURS[0], "mean": COLOURS[1], "worst": COLOURS[6]}
 _SOCCER = {
@@ -119,9 +119,9 @@ def chart(curves: pd.DataFrame, words: Words | None = None) -> alt.VConcatChart:
             heading = title if by_measure else robot if number == 0 and len(robots) > 1 else ""
             axis = _two_lines(title) if place == 0 and not by_measure else None
             domain = _domain(curves[curves["measure"] == measure])
-            x_title = "generation" if number == len(lines) - 1 else None
+            x_title = "generation" if number * across + place + across >= len(panels) else None
             cells.append(
-                encode.cell(part, axis, x_title, domain).properties(
+                encode.panel(part, axis, x_title, domain).properties(
                     title=alt.TitleParams(heading, frame="group"), **size
                 )
             )
@@ -129,10 +129,10 @@ def chart(curves: pd.DataFrame, words: Words | None = None) -> alt.VConcatChart:
     heading = {"text": words.title, "subtitle": words.subtitle, "anchor": "start", "fontSize": 15}
     if len(robots) == 1 and not words.title.endswith(robots[0]):
         heading["text"] = f"{words.title} {robots[0]}".strip()
-    whole: alt.VConcatChart = alt.vconcat(*rows, spacing=10, title=heading).resolve_scale(
-        color="shared", size="shared", strokeDash="shared", strokeWidth="shared"
+    whole = alt.vconcat(*rows, spacing=10, title=heading).resolve_scale(
+        color="shared", strokeDash="shared", strokeWidth="shared"
     )
-    return whole
+    return cast("alt.VConcatChart", whole)
 
 
 def _domain(part: pd.DataFrame) -> tuple[float, float]:
@@ -153,72 +153,61 @@ def _two_lines(title: str) -> list[str]:
 
 
 class _Encoding:
-    """How numbers become marks, the same in all cells."""
+    """How numbers become marks, the same in all panels."""
 
     def __init__(self, alt: Any, curves: pd.DataFrame) -> None:
+        self._alt = alt
         groups = [str(group) for group in dict.fromkeys(curves["group"])]
-        statistics = [name for name in STATISTICS if name in set(curves["statistic"])]
-        self._alt, self._banded = alt, [name for name in statistics if name != "worst"] or statistics
+        self._statistics = [name for name in STATISTICS if name in set(curves["statistic"])]
+        self._banded = [name for name in self._statistics if name != "worst"] or self._statistics
         self._generations = alt.Scale(domain=[0, max(1, int(curves["generation"].max()))], nice=False)
-        legend = alt.Legend(
-            orient="bottom", title=None, symbolSize=400, labelLimit=500, columnPadding=24, symbolOpacity=1
-        )
-        by_statistic = len(groups) == 1
-        domain = statistics if by_statistic else groups
-        colours = (
-            [_ONE_GROUP[name] for name in statistics]
-            if by_statistic
-            else [COLOURS[number % len(COLOURS)] for number in range(len(groups))]
-        )
-        shown = legend if len(domain) > 1 else None
-        self._colour = alt.Color(
-            f"{'statistic' if by_statistic else 'group'}:N",
-            scale=alt.Scale(domain=domain, range=colours),
-            legend=shown,
-            sort=None,
-        )
-        shown = legend if len(statistics) > 1 else None
-        widths = alt.Scale(domain=statistics, range=[_STROKES[name] for name in statistics])
-        dashes = alt.Scale(domain=statistics, range=[_DASHES[name] for name in statistics])
-        # Vega-Lite takes the width of a line from `size`, and that of its picture in the legend from `strokeWidth`.
+        if len(groups) == 1:
+            self._colour = self._channel(alt.Color, "statistic", {name: _ONE_GROUP[name] for name in self._statistics})
+        else:
+            colours = {group: COLOURS[number % len(COLOURS)] for number, group in enumerate(groups)}
+            self._colour = self._channel(alt.Color, "group", colours)
         self._stroke = {
-            "size": alt.Size("statistic:N", scale=widths, legend=None, sort=None),
-            "strokeWidth": alt.StrokeWidth("statistic:N", scale=widths, legend=shown, sort=None),
-            "strokeDash": alt.StrokeDash("statistic:N", scale=dashes, legend=shown, sort=None),
+            "strokeWidth": self._channel(alt.StrokeWidth, "statistic", {n: _STROKES[n] for n in self._statistics}),
+            "strokeDash": self._channel(alt.StrokeDash, "statistic", {n: _DASHES[n] for n in self._statistics}),
         }
 
-    def cell(
+    def _channel(self, channel: Any, column: str, values: Mapping[str, Any]) -> Any:
+        """Return a channel with a value for each word of a column, and a legend if there are several."""
+        alt = self._alt
+        legend = alt.Legend(
+            orient="bottom", title=None, symbolSize=400, symbolOpacity=1, labelLimit=500, columnPadding=24
+        )
+        scale = alt.Scale(domain=list(values), range=list(values.values()))
+        return channel(f"{column}:N", scale=scale, legend=legend if len(values) > 1 else None, sort=None)
+
+    def panel(
         self, part: pd.DataFrame, y_title: list[str] | None, x_title: str | None, domain: tuple[float, float]
     ) -> Any:
         """Return the lines and bands of one robot and measure."""
         alt = self._alt
-        x = alt.X(
-            "generation:Q",
-            title=x_title,
-            axis=alt.Axis(tickMinStep=1, tickCount=6, grid=False, format="d"),
-            scale=self._generations,
-        )
-        scale, axis = (
-            alt.Scale(domain=domain, nice=False, zero=False),
-            alt.Axis(tickCount=4, format=",", minExtent=_AXIS),
-        )
-        y = alt.Y("value:Q", title=y_title, scale=scale, axis=axis)
+        generations = alt.Axis(tickMinStep=1, tickCount=6, grid=False, format="d")
+        x = alt.X("generation:Q", title=x_title, axis=generations, scale=self._generations)
+        decimals = max(0, 2 - int(np.floor(np.log10(domain[1] - domain[0]))))
+        up = {
+            "title": y_title,
+            "scale": alt.Scale(domain=domain, nice=False, zero=False),
+            "axis": alt.Axis(tickCount=4, format=f",.{decimals}~f", minExtent=_AXIS),
+        }
         told = [alt.Tooltip(f"{name}:N") for name in ("group", "statistic")]
         told += [alt.Tooltip("generation:Q"), *(alt.Tooltip(f"{n}:Q", format=".4g") for n in ("value", "low", "high"))]
-        base = alt.Chart(part.drop(columns=["measure", "robot"]))
-        lines = base.mark_line().encode(x=x, y=y, color=self._colour, detail="group:N", tooltip=told, **self._stroke)
-        around = part["low"].notna() & part["statistic"].isin(self._banded)
-        if not around.any():
-            return alt.layer(lines)
-        bands = (
-            alt.Chart(part[around].drop(columns=["measure", "robot"]))
-            .mark_area(opacity=0.13, clip=True)
-            .encode(
-                x=x,
-                y=alt.Y("low:Q", title=y_title, scale=scale, axis=axis),
-                y2="high:Q",
-                color=self._colour,
-                detail=["group:N", "statistic:N"],
+        data = part.drop(columns=["measure", "robot"])
+        around = data[data["low"].notna() & data["statistic"].isin(self._banded)]
+        layers = []
+        if len(around):
+            y, y2, detail = alt.Y("low:Q", **up), "high:Q", ["group:N", "statistic:N"]
+            bands = alt.Chart(around).mark_area(opacity=0.13, clip=True)
+            layers.append(bands.encode(x=x, y=y, y2=y2, color=self._colour, detail=detail))
+        for name in reversed([one for one in self._statistics if one in set(data["statistic"])]):
+            # Vega-Lite reads the width of a line from its mark; the channel makes the legend.
+            lines = alt.Chart(data[data["statistic"] == name]).mark_line(size=_STROKES[name])
+            layers.append(
+                lines.encode(
+                    x=x, y=alt.Y("value:Q", **up), color=self._colour, detail="group:N", tooltip=told, **self._stroke
+                )
             )
-        )
-        return alt.layer(bands, lines)
+        return alt.layer(*layers)

@@ -19,7 +19,7 @@ __all__ = ["svg_of"]
 _ROW, _BOX, _INDENT = 25.0, 20.0, 22.0  # px: height of a row, of a box in it, and width of a step to the right
 _MARGIN, _HEAD = 14.0, 48.0
 _LETTER, _SMALL = 7.2, 6.2  # px, the widest usual sans-serif's mean letter at 13 and at 11 px
-_SMALL_ROW, _WORDS = 16.0, 48  # px between the lines of a legend, and letters of one
+_SMALL_ROW, _WORDS = 16.0, 52  # px between the lines of a legend, and letters of one
 _TRUNK = 10.0  # px from a box's left edge to the line that leaves it downwards
 _INK, _QUIET, _LINE, _FAINT, _PAPER = "#0f172a", "#57606f", "#64748b", "#94a3b8", "#ffffff"
 

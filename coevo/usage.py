@@ -101,12 +101,17 @@ class UsedTree:
 
     def _repr_svg_(self) -> str:
         """Return the simplified tree as a picture, folded by use."""
+        return self.picture(FOLD, simplified=True)
+
+    def picture(self, fold: float | None, *, simplified: bool) -> str:
+        """Return the tree, or the simplified one, as an SVG picture; ``fold`` as of ``coevo.tree.draw.as_text``."""
         return as_svg(
-            self.simplified,
-            self.simplified_steps,
-            fold=FOLD,
+            self.simplified if simplified else self.tree,
+            self.simplified_steps if simplified else self.usage.node_steps,
+            fold=fold,
             terminals=self.functions.terminals,
-            title=f"{self.title}, simplified",
+            title=f"{self.title}{', simplified' if simplified else ''}",
+            descriptions=self.functions.descriptions,
         )
 
 

@@ -11,9 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coevo.portrait import portrait, questions
+from coevo.skill import skill_description
 from coevo.tree import FunctionSet, Tree, parse
 from coevo.tree.draw import as_svg
 from coevo.usage import TreeUsage, UsedTree, used_tree, without_unused
+from coevo.vocabulary import SKILLS
 
 # Three exclusive words, and two questions of their own: 3 x 2 x 2 situations.
 FUNCTIONS = FunctionSet(
@@ -177,7 +179,13 @@ def test_a_notebook_shows_the_simplified_tree_folded_by_use(small_run):
     assert used.tree == small_run.tree("r1", 1, 2)
     assert used.usage.steps == small_run.record(1, "r1")["steps"][2]
     assert used.fitness == used.generation_fitness[2] == small_run.record(1, "r1")["fitness"][2]
-    expected = as_svg(used.simplified, used.simplified_steps, fold=0.005, title="r1, generation 1, rank 2, simplified")
+    expected = as_svg(
+        used.simplified,
+        used.simplified_steps,
+        fold=0.005,
+        title="r1, generation 1, rank 2, simplified",
+        descriptions={name: skill_description(name) for name in SKILLS},
+    )
     assert used._repr_svg_() == expected
     default = used_tree(small_run)
     assert (default.robot, default.generation, default.rank) == ("r0", 2, 0)

@@ -64,7 +64,7 @@ def inspect(
     from coevo.game import prepare
     from coevo.portrait import portrait
     from coevo.run import open_run
-    from coevo.tree.draw import as_dot, as_svg, as_text
+    from coevo.tree.draw import as_dot, as_text
     from coevo.tree.fold import FOLD
     from coevo.usage import used_tree
 
@@ -73,16 +73,15 @@ def inspect(
     run = open_run(folder)
     prepare(run.config, lambda text: note(text, quiet=quiet))
     used = used_tree(run, robot, generation, rank)
-    tree, smaller, terminals = used.tree, used.simplified, used.functions.terminals
+    tree, smaller = used.tree, used.simplified
     shown, steps = (smaller, used.simplified_steps) if simplified else (tree, used.usage.node_steps)
     share = None if whole else FOLD if fold is None else fold
     if as_json or kind == "json":
         emit(_told(used))
     elif kind == "dot":
-        click.echo(as_dot(shown, steps, fold=share, terminals=terminals))
+        click.echo(as_dot(shown, steps, fold=share, terminals=used.functions.terminals))
     elif kind == "svg":
-        title = f"{used.title}{', simplified' if simplified else ''}"
-        click.echo(as_svg(shown, steps, fold=share, terminals=terminals, title=title))
+        click.echo(used.picture(share, simplified=simplified))
     else:
         click.echo(f"{used.title}: fitness {used.fitness:.4f}\n")
         play_more = shlex.join(["coevo", "play", str(folder), "--generation", str(used.generation), "--games", "1000"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 
 from coevo.tree.fold import Part, Steps, fold_tree
@@ -111,6 +111,7 @@ def as_svg(
     fold: float | None = None,
     terminals: Sequence[str] = SKILLS,
     title: str = "",
+    descriptions: Mapping[str, str] | None = None,
 ) -> str:
     """Return the tree as an SVG picture, read from the top like a text; see ``coevo.tree.picture``.
 
@@ -120,10 +121,12 @@ def as_svg(
         fold: as of ``as_text``.
         terminals: a terminal's place among these is its colour.
         title: stands above the picture, and is what a screen reader says first.
+        descriptions: what terminals do, as of ``FunctionSet.descriptions``; stands below.
     """
     parts = fold_tree(tree, steps, fold)
     labels = [_label(part) for part in parts]
     found = [_share(part, parts) for part in parts]
     shares = None if found[0] is None else [share or 0.0 for share in found]
     told = None if shares is None else [percent(share) for share in shares]
-    return svg_of(parts, labels, shares, told, _colours(tree, terminals), title or "A tree", tree.nodes)
+    colours = _colours(tree, terminals)
+    return svg_of(parts, labels, shares, told, colours, title or "A tree", tree.nodes, descriptions or {})

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import html
+import textwrap
 from collections.abc import Mapping, Sequence
 
 from coevo.tree.fold import Part
@@ -18,6 +19,7 @@ __all__ = ["svg_of"]
 _ROW, _BOX, _INDENT = 25.0, 20.0, 22.0  # px: height of a row, of a box in it, and width of a step to the right
 _MARGIN, _HEAD = 14.0, 48.0
 _LETTER, _SMALL = 7.2, 6.2  # px, the widest usual sans-serif's mean letter at 13 and at 11 px
+_SMALL_ROW, _WORDS = 16.0, 52  # px between the lines of a legend, and letters of one
 _TRUNK = 10.0  # px from a box's left edge to the line that leaves it downwards
 _INK, _QUIET, _LINE, _FAINT, _PAPER = "#0f172a", "#57606f", "#64748b", "#94a3b8", "#ffffff"
 
@@ -30,6 +32,7 @@ def svg_of(
     colours: Mapping[str, str],
     title: str,
     nodes: int,
+    descriptions: Mapping[str, str],
 ) -> str:
     """Return a picture of the parts of a tree.
 
@@ -41,6 +44,7 @@ def svg_of(
         colours: of terminals.
         title: of the picture.
         nodes: how many the tree has.
+        descriptions: what terminals do; stands below the tree, of those that are in it.
     """
     rows = _rows(parts)
     place = {part: row for row, (part, _) in enumerate(rows)}
@@ -58,7 +62,10 @@ def svg_of(
         box, right = _box(parts[part], labels[part], words, colours, (xs[part], ys[part]))
         boxes.append(box)
         wide = max(wide, right)
-    width, height = wide + _MARGIN, _HEAD + _ROW * len(rows) + _MARGIN - (_ROW - _BOX)
+    bottom = _HEAD + _ROW * len(rows)
+    there = {name: descriptions[name] for name in colours if name in descriptions and _is_in(name, parts)}
+    legend, right, end = _legend(there, colours, bottom + 0.5 * _ROW)
+    width, height = max(wide, right) + _MARGIN, (end if there else bottom - (_ROW - _BOX)) + _MARGIN
     said = html.escape(title)
     about = html.escape(f"{subtitle} {_outcome(parts, labels, told)}")
     # Several pictures may stand on one page, where a name may stand once.
@@ -75,7 +82,28 @@ def svg_of(
         f'<text class="title" x="{_MARGIN}" y="20" font-weight="bold">{said}</text>',
         (f'<text class="subtitle" x="{_MARGIN}" y="37" font-size="11" fill="{_QUIET}">{html.escape(subtitle)}</text>'),
     ]
-    return "\n".join([*head, *lines, *boxes, "</g></svg>"])
+    return "\n".join([*head, *lines, *boxes, *legend, "</g></svg>"])
+
+
+def _is_in(terminal: str, parts: Sequence[Part]) -> bool:
+    return any(terminal == part.name or terminal in dict(part.use) for part in parts)
+
+
+def _legend(descriptions: Mapping[str, str], colours: Mapping[str, str], y: float) -> tuple[list[str], float, float]:
+    """Return what terminals do, a colour and a few lines each from ``y`` on, and where that ends, right and below."""
+    entries, right = [], 0.0
+    x = _MARGIN + _INDENT
+    for name, words in descriptions.items():
+        first, *more = textwrap.wrap(f"{name}: {words}", _WORDS)
+        rest = "".join(f'<tspan x="{x:.1f}" dy="{_SMALL_ROW}">{html.escape(line)}</tspan>' for line in more)
+        entries.append(
+            f'<circle cx="{_MARGIN + _TRUNK:.1f}" cy="{y:.1f}" r="6" fill="{colours[name]}"/>'
+            f'<text class="legend" x="{x:.1f}" y="{y + 4.0:.1f}" font-size="11" fill="{_QUIET}">'
+            f"{html.escape(first)}{rest}</text>"
+        )
+        right = max(right, x + _SMALL * max(len(line) for line in (first, *more)))
+        y += _SMALL_ROW * (len(more) + 1)
+    return entries, right, y
 
 
 def _subtitle(parts: Sequence[Part], nodes: int, *, counted: bool) -> str:

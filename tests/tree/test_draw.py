@@ -202,6 +202,19 @@ def test_a_terminal_has_one_colour_in_all_pictures():
             assert box.get("fill") == colours[name]
 
 
+def test_what_terminals_do_stands_below_the_tree_of_those_that_are_in_it():
+    said = {"shoot": "kicks & runs", "avoid": "keeps " + "well " * 30 + "away", "other": "is not there"}
+    root, boxes, _ = drawn(as_svg(EXAMPLE, descriptions=said))
+    texts = [text for text in root.iter(f"{SVG}text") if text.get("class") == "legend"]
+    words = [" ".join(" ".join(text.itertext()).split()) for text in texts]
+    assert words == [f"{name}: {' '.join(said[name].split())}" for name in ("shoot", "avoid")]
+    places = [float(text.get("y")) for text in texts]
+    assert max(y + high for _, y, _, high in boxes) < places[0] < places[1]
+    lines = len(list(texts[1].iter(f"{SVG}tspan")))
+    assert places[1] + 16 * lines < float(root.get("height"))
+    assert float(root.get("width")) < 390
+
+
 def test_a_share_is_never_told_as_none_or_all_that_is_not():
     told = [percent(share) for share in (0.0, 0.0004, 0.0006, 0.1234, 0.9994, 0.9996, 1.0)]
     assert told == ["0.0%", "<0.1%", "0.1%", "12.3%", "99.9%", ">99.9%", "100.0%"]

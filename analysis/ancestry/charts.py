@@ -11,8 +11,8 @@ from coevo.records import OPERATORS
 
 __all__ = ["ancestry_chart", "family_chart", "origin_chart"]
 
-# Copies are grey. All can be seen on white and on dark pages.
-_COLOUR = dict(zip(OPERATORS, (COLOURS[2], "#6f6f6f", "#b9b9b9", COLOURS[0], COLOURS[1]), strict=True))
+# All can be seen on white and on dark pages.
+_COLOUR = dict(zip(OPERATORS, (COLOURS[2], COLOURS[3], "#b9b9b9", COLOURS[0], COLOURS[1]), strict=True))
 _ROOT, _BRANCH = "#6b757c", "#a3afb8"  # lines
 _WIDTH = 760  # [px], as _LANE, from lane to lane
 _LANE = 24
@@ -48,7 +48,7 @@ def family_chart(ancestry: Ancestry) -> alt.LayerChart:
             x2="generation_parent:Q",
             y2="lane_parent:Q",
             color=alt.condition("datum.is_root", alt.value(_ROOT), alt.value(_BRANCH)),
-            strokeWidth=alt.condition("datum.is_root", alt.value(4), alt.value(1.2)),
+            strokeWidth=alt.condition("datum.is_root", alt.value(3), alt.value(1.2)),
             tooltip=["generation", "index", "index_parent", alt.Tooltip("came", title="nodes that came")],
         )
     )
@@ -67,7 +67,7 @@ def family_chart(ancestry: Ancestry) -> alt.LayerChart:
             size=alt.Size(
                 "share:Q",
                 title="share of the last tree in it",
-                scale=alt.Scale(domain=[0, 1], range=[14, 100]),
+                scale=alt.Scale(domain=[0, 1], range=[22, 110]),
                 legend=alt.Legend(
                     symbolType="circle",
                     symbolStrokeWidth=0,
@@ -97,9 +97,9 @@ def family_chart(ancestry: Ancestry) -> alt.LayerChart:
 def origin_chart(ancestry: Ancestry) -> alt.LayerChart:
     """Return how many of a champion's nodes came into being in which generation."""
     table = origin_table(ancestry)
-    table["kind"] = table["operator"] + ", " + table["use"]
+    table["kind"] = (table["operator"] + ", " + table["use"]).str.removesuffix(f", {USE[2]}")
     totals = table.groupby("generation", as_index=False)["nodes"].sum()
-    kinds = [f"{operator}, {use}" for operator in ("creation", "mutation") for use in USE]
+    kinds = [f"{operator}{use}" for operator in ("creation", "mutation") for use in (f", {USE[0]}", f", {USE[1]}", "")]
     shades = [
         shade for name in ("creation", "mutation") for shade in (_COLOUR[name], f"{_COLOUR[name]}59", _COLOUR[name])
     ]

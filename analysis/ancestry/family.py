@@ -57,7 +57,7 @@ def family_table(ancestry: Ancestry) -> pd.DataFrame:
     lanes = dict.fromkeys(root, 0)
     taken: list[list[tuple[int, int]]] = []  # of each other lane the generations, first and last, that are drawn in it
     for child, *chain in others:
-        first, last = chain[-1][0] - 1, child[0]  # with the lines that lead into it and out of it
+        first, last = chain[-1][0], child[0]  # the line that leads on to the child is drawn up to there
         free = [n for n, spans in enumerate(taken) if all(last <= a or b <= first for a, b in spans)]
         if not free:
             free = [len(taken)]

@@ -13,9 +13,9 @@ from analysis.ancestry.breeding import Bred, breed_again
 from coevo.errors import InputError
 from coevo.evolution.population import Origin
 from coevo.run import Run
-from coevo.tree import from_codes
+from coevo.tree import FunctionSet, from_codes
 
-__all__ = ["Ancestry", "Trace", "ancestors", "sources", "trace"]
+__all__ = ["Ancestry", "Trace", "ancestors", "ancestry_of", "sources", "trace"]
 
 
 @dataclass(frozen=True)
@@ -136,10 +136,22 @@ def ancestors(
     size = len(run.record(generation, robot))
     if not 0 <= index < size:
         raise InputError(f"the index of an individual must be from 0 to {size - 1}, got {index}")
-    bred = breed_again(run, robot, generation)
+    functions = run.game.function_set(run.number_of(robot))
+    return ancestry_of(breed_again(run, robot, generation), robot, index, functions, node_steps=node_steps)
+
+
+def ancestry_of(
+    bred: Sequence[Bred],
+    robot: str,
+    index: int,
+    functions: FunctionSet,
+    *,
+    node_steps: NDArray[np.int64] | None = None,
+) -> Ancestry:
+    """Return where an individual of the last of these generations came from; see ``ancestors``."""
     found = trace(bred, index)
     home = found.home
-    tree = from_codes(bred[-1].codes[index], run.game.function_set(run.number_of(robot)))
+    tree = from_codes(bred[-1].codes[index], functions)
     born = (home >= 0).argmax(axis=0)
     born_in = home[born, np.arange(len(tree))]
     steps = np.full(len(tree), np.nan) if node_steps is None else node_steps.astype(np.float64)
@@ -154,7 +166,7 @@ def ancestors(
             "steps": steps,
         }
     )
-    return Ancestry(robot, generation, index, _table(bred, index, found, steps), nodes)
+    return Ancestry(robot, len(bred) - 1, index, _table(bred, index, found, steps), nodes)
 
 
 def _table(bred: Sequence[Bred], index: int, found: Trace, steps: NDArray[np.float64]) -> pd.DataFrame:

@@ -98,6 +98,20 @@ def test_inspect(follow):
     assert names["used"].tree == tree
 
 
+def test_ancestry(follow):
+    folder = follow("ancestry.md")
+    assert "individual" in (folder / "family.svg").read_text(encoding="utf-8")
+    ancestors = pd.read_csv(folder / "ancestors.csv")
+    ((_, text),) = [
+        block for block in BLOCK.findall((DOCS / "how-to/ancestry.md").read_text("utf-8")) if "py" in block[0]
+    ]
+    names = {}
+    exec(text, names)  # noqa: S102 - of our own page
+    best = open_run(folder / "runs" / "family").record(2, "r0").iloc[0]
+    assert names["operators"].sum() == 3 * 3 * 12
+    assert names["born"].sum() == best["nodes"] == ancestors["carried"].iloc[-1]
+
+
 @pytest.mark.slow
 def test_skill(follow):
     run = open_run(follow("skill.md") / "runs" / "finding")

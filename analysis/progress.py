@@ -146,12 +146,16 @@ def _noise(shares: _Matrix, games: int | None) -> float:
     sharp edges do not move. Each is fooled by structure that the other sees through.
     """
     n = len(shares)
-    values = np.linalg.svd(_interaction(shares), compute_uv=False)
+    values = _singular_values(_interaction(shares))
     local = float(np.quantile(np.abs(np.diff(np.diff(shares, axis=0), axis=1)), 0.75)) / (1.1503 * 2)
     noise = min(_spectral_noise(values), local)
     if games is not None:
         noise = max(noise, float(np.sqrt(np.mean(shares * (1 - shares)) / max(games - 1, 1))))
     return float(noise)
+
+
+def _singular_values(matrix: _Matrix) -> NDArray[np.float64]:
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(matrix @ matrix.T)[::-1], 0.0)))
 
 
 def _spectral_noise(values: NDArray[np.float64]) -> float:
@@ -301,23 +305,20 @@ def _chance(products: _Matrix) -> tuple[float, float]:
 
 def _visits(changes: _Matrix, noise: float) -> float:
     """Return the median over rows of how often rows like it come, with rows unlike it between (1: never again)."""
-    left, values, _ = np.linalg.svd(changes, full_matrices=False)
+    powers, directions = np.linalg.eigh(changes @ changes.T)
+    values = np.sqrt(np.maximum(powers, 0.0))
     kept = values > 2.2 * noise * np.sqrt(len(changes))
     if not kept.any():
         return 1.0
-    rows = left[:, kept] * values[kept]
+    rows = directions[:, kept] * values[kept]
     square = (rows**2).sum(axis=1)
     apart = np.sqrt(np.maximum(square[:, None] + square[None, :] - 2 * rows @ rows.T, 0))
     apart /= apart.max()
-    visits = np.zeros(len(rows))
-    for i, row in enumerate(apart):
-        away = True
-        for value in row:
-            if away and value < 0.3:
-                visits[i] += 1
-                away = False
-            elif value > 0.7:
-                away = True
+    visits, away = np.zeros(len(rows)), np.ones(len(rows), bool)
+    for one in apart.T:
+        back = away & (one < 0.3)
+        visits += back
+        away = (away & ~back) | (one > 0.7)
     return float(np.median(visits))
 
 
@@ -338,7 +339,7 @@ def _engaged(shares: _Matrix, games: int | None) -> Diagnosis:
     fall, period = _return(variogram, n)
     swing = max(float(variogram.max()) - noise**2, 1e-9)
     swing_by_opponent = max(float(of_interaction.max()) - noise**2, 0.0) / swing
-    values = np.linalg.svd(by_opponent, compute_uv=False)
+    values = _singular_values(by_opponent)
     intransitive = swing_by_opponent >= INTRANSITIVE and values[0] > 2.6 * _spectral_noise(values) * np.sqrt(n)
     visits = _visits(changes, noise)
 
@@ -379,4 +380,22 @@ def _engaged(shares: _Matrix, games: int | None) -> Diagnosis:
 
 
 def _text(found: Diagnosis, n: int) -> str:
-    return ", ".join(sorted(found.labels)) + f" {n}"
+    """Say in one or two sentences what the labels mean in this run."""
+    said = []
+    if "progress" in found.labels:
+        said.append(
+            f"later champions win {found.gain:+.0%} of the games more than early ones against the same opponents"
+        )
+    if "cycling" in found.labels:
+        every = f"about every {found.period} generations" if found.comes_round >= RETURN else "at irregular times"
+        said.append(f"what champions win and lose comes round {every}")
+    if "forgetting" in found.labels:
+        said.append(f"late champions lose {found.loss:.0%} of the games that earlier ones won against the same opponents")
+    if found.onset is not None:
+        side = "wins" if found.late_level > 0.5 else "loses"
+        when = "throughout" if found.onset == 0 else f"from generation {found.onset} (of {n}) on"
+        said.append(f"{when} this side {side} nearly all games, so that selection has little to go by")
+    if "stagnation" in found.labels:
+        said.append("champions of different times do equally well against the same opponents")
+    names = " and ".join(label for label in LABELS if label in found.labels)
+    return f"{names.capitalize()}: {'; '.join(said)}."

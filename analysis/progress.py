@@ -28,14 +28,15 @@ SATURATED = 0.04  # as many games are left to the weaker side at most
 LATE = 0.25  # share of the generations, counted from the end, in which disengagement must show
 SMALLEST_CHANGE = 0.06  # in the share of games won, for progress; less is luck or of no use
 SMALLEST_LOSS = 0.05  # the same for forgetting; it is smaller, as some opponents may not be forgotten
-STANDARD_ERRORS = 3.5  # by which a gain must stand out of the luck of champions
-LOSS_STANDARD_ERRORS = 3.0  # the same of a loss, which is measured without bias
+STANDARD_ERRORS = 3.0  # by which a gain must stand out of the luck of champions
+LOSS_STANDARD_ERRORS = 3.3  # the same of a loss, which is measured without bias
 KEPT = 1.5  # with forgetting, the gain that is kept must outweigh the loss as much to be called progress
 RETURN = 0.55  # share of the change that a cycle undoes when it comes round
 SMALLEST_SWING = 0.005  # mean square of a cycle's swing: +-0.1 of a sine
 INTRANSITIVE = 0.4  # share of the swing that depends on the opponent, from which it is not one ability that swings
+LARGE_SWING = 0.06  # mean square beyond what luck of champions can be, +-0.35 of a sine
 PERMUTATIONS = 199
-CHANCE = 0.02  # of shuffled generations that come round as well
+CHANCE = 0.01  # of shuffled generations that come round as well
 
 _Matrix = NDArray[np.float64]
 
@@ -98,9 +99,10 @@ def diagnose(wins: ArrayLike, *, games: int | None = None) -> Diagnosis:
     # What came before counts if it was most of the run: the step into saturation itself is no progress.
     whole = _engaged(shares, games)
     before: frozenset[str] = frozenset()
-    if onset >= max(MINIMUM_GENERATIONS, 0.6 * n):
-        whole = _engaged(shares[:onset, :onset], games)
-        before = whole.labels - {"stagnation"}
+    if onset >= MINIMUM_GENERATIONS:
+        early = _engaged(shares[:onset, :onset], games)
+        if onset >= 0.6 * n or ("progress" in early.labels and early.gain >= 0.3):
+            whole, before = early, early.labels - {"stagnation"}
     found = replace(whole, labels=before | {"disengagement"}, onset=onset, late_level=_late_level(shares))
     return replace(found, text=_text(found, n))
 
@@ -137,16 +139,27 @@ def _checked(wins: ArrayLike, games: int | None) -> _Matrix:
 
 
 def _noise(shares: _Matrix, games: int | None) -> float:
-    """Return the standard deviation of a share; of the matrix itself by Gavish and Donoho (2014).
+    """Return the standard deviation of a share, the smaller of two estimates from the matrix.
 
-    The median singular value of what is left without the means of rows and columns: structure sits in few large
-    singular values, and does not move the median.
+    One is the median singular value of what is left without the means of rows and columns (Gavish and Donoho 2014):
+    regular structure sits in few large singular values. The other is the median mixed difference of neighbours, which
+    sharp edges do not move. Each is fooled by structure that the other sees through.
     """
-    values = np.linalg.svd(_interaction(shares), compute_uv=False)[:-1]
-    noise = float(np.median(values)) / np.sqrt(0.6528 * (len(shares) - 1))
+    n = len(shares)
+    values = _singular_values(_interaction(shares))
+    local = float(np.quantile(np.abs(np.diff(np.diff(shares, axis=0), axis=1)), 0.75)) / (1.1503 * 2)
+    noise = min(_spectral_noise(values), local)
     if games is not None:
         noise = max(noise, float(np.sqrt(np.mean(shares * (1 - shares)) / max(games - 1, 1))))
     return float(noise)
+
+
+def _singular_values(matrix: _Matrix) -> NDArray[np.float64]:
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(matrix @ matrix.T)[::-1], 0.0)))
+
+
+def _spectral_noise(values: NDArray[np.float64]) -> float:
+    return float(np.median(values[:-1]) / np.sqrt(0.6528 * (len(values) - 1)))
 
 
 def _interaction(shares: _Matrix) -> _Matrix:
@@ -202,13 +215,20 @@ def _gain(means: NDArray[np.float64], luck: float) -> tuple[float, float]:
 
 
 def _loss(shares: _Matrix, noise: float, luck: float) -> tuple[float, float]:
-    """Return what was lost since the best time, mean over opponents, and the same in standard errors.
+    """Return what was lost since the best time, and the same in standard errors; by time or by lag, as is clearer.
 
     The best time against some opponents is chosen by every other of them, and the loss measured on the rest: so luck
     that made a time look best is not counted as lost later.
     """
+    own = max(luck**2 - noise**2 / len(shares), 0.0)
+    by_time, by_lag = _loss_by_time(shares, noise, own), _loss_by_lag(shares, noise, own)
+    return max(by_time, by_lag, key=lambda one: one[1])
+
+
+def _loss_by_time(shares: _Matrix, noise: float, own: float) -> tuple[float, float]:
+    """Return the mean over opponents of their best time less the end."""
     n = len(shares)
-    count = int(np.clip(n // 4, 3, 8))
+    count = int(np.clip(n // 2, 3, 8))
     blocks = np.array_split(np.arange(n), count)
     over_time = np.stack([shares[block].mean(axis=0) for block in blocks])
     halves = [
@@ -220,8 +240,31 @@ def _loss(shares: _Matrix, noise: float, luck: float) -> tuple[float, float]:
         best = chosen.argmax(axis=0)
         lost.append(measured[best, np.arange(count)] - measured[-1])
     loss = float(np.mean(lost))
-    own = max(luck**2 - noise**2 / n, 0.0)
     return loss, loss / float(np.sqrt(2 * noise**2 * count / n**2 + 2 * own * count / n + 1e-6))
+
+
+def _loss_by_lag(shares: _Matrix, noise: float, own: float) -> tuple[float, float]:
+    """Return what champions win more against opponents of the best lag than their later ones do against the same."""
+    n = len(shares)
+    rows = n - max(2, n // 8)  # a later time of so many generations is left to compare with
+    later = (shares.sum(axis=0) - shares.cumsum(axis=0))[:rows] / (n - 1 - np.arange(rows)[:, None])
+    more = shares[:rows] - later
+    lag = np.subtract.outer(np.arange(rows), np.arange(n)) + n
+    width = max(1, n // 16)
+    bins, size = lag // width, 2 * n // width + 1
+    odd = np.broadcast_to(np.arange(n) % 2 == 1, lag.shape)
+    counts = np.stack([np.bincount(bins[part], minlength=size) for part in (odd, ~odd)])
+    means = np.stack([np.bincount(bins[part], more[part], minlength=size) for part in (odd, ~odd)])
+    means = means / np.maximum(counts, 1)
+    enough = counts.min(axis=0) >= max(2, n // 6) * width // 2
+    lost, error = [], []
+    for chosen, measured in ((0, 1), (1, 0)):
+        best = int(np.argmax(np.where(enough, means[chosen] * np.sqrt(counts[chosen]), -np.inf)))
+        lost.append(means[measured][best])
+        champions = min(2 * counts[measured][best] / width, n)
+        error.append(noise**2 / counts[measured][best] / 2 + own * (1 / champions + 4 / n))
+    loss = float(np.mean(lost))
+    return loss, loss / float(np.sqrt(np.mean(error) + 1e-6))
 
 
 # --------------------------------------------------------------------------------------------------------- cycles
@@ -262,22 +305,20 @@ def _chance(products: _Matrix) -> tuple[float, float]:
 
 def _visits(changes: _Matrix, noise: float) -> float:
     """Return the median over rows of how often rows like it come, with rows unlike it between (1: never again)."""
-    left, values, _ = np.linalg.svd(changes, full_matrices=False)
+    powers, directions = np.linalg.eigh(changes @ changes.T)
+    values = np.sqrt(np.maximum(powers, 0.0))
     kept = values > 2.2 * noise * np.sqrt(len(changes))
     if not kept.any():
         return 1.0
-    rows = left[:, kept] * values[kept]
-    apart = np.linalg.norm(rows[:, None] - rows[None, :], axis=2)
+    rows = directions[:, kept] * values[kept]
+    square = (rows**2).sum(axis=1)
+    apart = np.sqrt(np.maximum(square[:, None] + square[None, :] - 2 * rows @ rows.T, 0))
     apart /= apart.max()
-    visits = np.zeros(len(rows))
-    for i, row in enumerate(apart):
-        away = True
-        for value in row:
-            if away and value < 0.3:
-                visits[i] += 1
-                away = False
-            elif value > 0.7:
-                away = True
+    visits, away = np.zeros(len(rows)), np.ones(len(rows), bool)
+    for one in apart.T:
+        back = away & (one < 0.3)
+        visits += back
+        away = (away & ~back) | (one > 0.7)
     return float(np.median(visits))
 
 
@@ -298,18 +339,19 @@ def _engaged(shares: _Matrix, games: int | None) -> Diagnosis:
     fall, period = _return(variogram, n)
     swing = max(float(variogram.max()) - noise**2, 1e-9)
     swing_by_opponent = max(float(of_interaction.max()) - noise**2, 0.0) / swing
-    strongest = float(np.linalg.svd(by_opponent, compute_uv=False)[0])
-    intransitive = swing_by_opponent >= INTRANSITIVE and strongest > 2.4 * noise * np.sqrt(n)
+    values = _singular_values(by_opponent)
+    intransitive = swing_by_opponent >= INTRANSITIVE and values[0] > 2.6 * _spectral_noise(values) * np.sqrt(n)
     visits = _visits(changes, noise)
 
     cycling = False
-    if swing >= SMALLEST_SWING and (fall / swing >= RETURN or visits >= 3):
-        round_again, held = _chance(products)
-        regular = fall / swing >= RETURN and (round_again <= CHANCE or intransitive)
-        irregular = visits >= 3 and (held <= CHANCE or intransitive)
-        cycling = regular or irregular
+    if swing >= SMALLEST_SWING and (fall / swing >= RETURN or visits >= 2):
+        if intransitive or (swing >= LARGE_SWING and fall / swing >= RETURN):
+            cycling = True
+        elif fall / swing >= RETURN or visits >= 3:
+            round_again, held = _chance(products)
+            cycling = (fall / swing >= RETURN and round_again <= CHANCE) or (visits >= 3 and held <= CHANCE)
     labels = set()
-    progress = gain >= SMALLEST_CHANGE and gain_errors >= STANDARD_ERRORS
+    progress = gain >= SMALLEST_CHANGE and gain_errors >= STANDARD_ERRORS + 12 / n
     if cycling:
         labels.add("cycling")
         if progress and np.corrcoef(means, np.arange(n))[0, 1] >= 0.8:
@@ -338,4 +380,22 @@ def _engaged(shares: _Matrix, games: int | None) -> Diagnosis:
 
 
 def _text(found: Diagnosis, n: int) -> str:
-    return ", ".join(sorted(found.labels)) + f" {n}"
+    """Say in one or two sentences what the labels mean in this run."""
+    said = []
+    if "progress" in found.labels:
+        said.append(
+            f"later champions win {found.gain:+.0%} of the games more than early ones against the same opponents"
+        )
+    if "cycling" in found.labels:
+        every = f"about every {found.period} generations" if found.comes_round >= RETURN else "at irregular times"
+        said.append(f"what champions win and lose comes round {every}")
+    if "forgetting" in found.labels:
+        said.append(f"late champions lose {found.loss:.0%} of the games that earlier ones won against the same opponents")
+    if found.onset is not None:
+        side = "wins" if found.late_level > 0.5 else "loses"
+        when = "throughout" if found.onset == 0 else f"from generation {found.onset} (of {n}) on"
+        said.append(f"{when} this side {side} nearly all games, so that selection has little to go by")
+    if "stagnation" in found.labels:
+        said.append("champions of different times do equally well against the same opponents")
+    names = " and ".join(label for label in LABELS if label in found.labels)
+    return f"{names.capitalize()}: {'; '.join(said)}."

@@ -53,6 +53,14 @@ def growing_strength(random: Generator, n: int) -> _Chances:
     return np.asarray(rows / (rows + columns + random.uniform(0, 1.5) * np.sqrt(rows * columns)))
 
 
+def breakthroughs(random: Generator, n: int) -> _Chances:
+    """Long rests, and a few breakthroughs of either side; drawn games scale all shares down."""
+    ability = [np.interp(np.arange(n), np.sort(random.uniform(0, n, 8)), np.arange(8) // 2 * 2) for _ in range(2)]
+    climb = random.uniform(1, 3) / 6
+    gap = climb * (ability[0][:, None] - random.uniform(0, 1) * ability[1][None, :])
+    return np.asarray(random.uniform(0.5, 1) * _probit(gap - gap.mean() + random.normal(0, 0.1, (n, 1))))
+
+
 # -------------------------------------------------------------------------------------------------------- cycling
 
 
@@ -97,6 +105,20 @@ def irregular_turns(random: Generator, n: int) -> _Chances:
     return np.asarray(0.5 + weak * (beats[strategies()][:, strategies()] - 0.5))
 
 
+def counters(random: Generator, n: int) -> _Chances:
+    """Each side answers what the other played some generations ago, in a ring of strategies (a delayed best answer)."""
+    kinds = int(random.integers(3, 6))
+    delay = int(random.integers(1, max(1, n // 12) + 1))
+    rows, columns = np.zeros(n, int), np.zeros(n, int)
+    for t in range(delay, n):
+        rows[t] = (columns[t - delay] + 1) % kinds
+        columns[t] = (rows[t - delay] + 1) % kinds
+    ahead = (rows[:, None] - columns[None, :]) % kinds
+    chance = np.full(kinds, 0.5)
+    chance[1], chance[-1] = random.uniform(0.7, 1), random.uniform(0, 0.3)
+    return np.asarray(chance[ahead])
+
+
 # ----------------------------------------------------------------------------------------------------- forgetting
 
 
@@ -130,6 +152,14 @@ def lost_ground(random: Generator, n: int) -> _Chances:
     return np.asarray(high - loss * _probit((i - random.uniform(0.4, 0.7)) / random.uniform(0.05, 0.25)) + 0 * j)
 
 
+def power_law_of_forgetting(random: Generator, n: int) -> _Chances:
+    """What was learned against an opponent is lost as a power of the time since; new opponents are half known."""
+    lag = np.arange(n)[:, None] - np.arange(n)[None, :]
+    high, low = random.uniform(0.7, 1), random.uniform(0, 0.15)
+    kept = (1 + np.maximum(lag, 0) / random.uniform(0.5, 0.06 * n + 1)) ** -random.uniform(0.7, 1.5)
+    return np.where(lag >= 0, low + (high - low) * kept, random.uniform(0.3, 0.6) * (high + low))
+
+
 # -------------------------------------------------------------------------------------------------- disengagement
 
 
@@ -158,6 +188,16 @@ def quiet_end(random: Generator, n: int) -> _Chances:
     return chances
 
 
+def one_sided_end(random: Generator, n: int) -> _Chances:
+    """Changing fortunes without order at first, then one side loses every game but a stray one."""
+    onset = int(random.uniform(0.25, 0.7) * n)
+    chances = np.clip(random.normal(random.uniform(0.3, 0.7), 0.08, (n, n)), 0, 1)
+    stray = random.uniform(0, 0.02) * random.random((n, n))
+    later = np.arange(n) >= onset
+    either = later[:, None] | later[None, :] if random.random() < 0.5 else later[:, None] & later[None, :]
+    return np.where(either, stray if random.random() < 0.5 else 1 - stray, chances)
+
+
 # ----------------------------------------------------------------------------------------------------- stagnation
 
 
@@ -184,10 +224,15 @@ def only_the_others(random: Generator, n: int) -> _Chances:
     return np.clip(level + change * np.arange(n)[None, :] / n + random.normal(0, 0.02, (n, n)), 0, 1)
 
 
+def trapped(random: Generator, n: int) -> _Chances:
+    """One strategy is kept; what changes about it does not matter (drawn games included)."""
+    return np.clip(random.uniform(0.07, 0.9) + random.laplace(0, 0.02, (n, 1)) + np.zeros((1, n)), 0, 1)
+
+
 FAMILIES = {
-    "progress": (saturating, random_gains, growing_strength),
-    "cycling": (turning_mixtures, sawtooth, irregular_turns),
-    "forgetting": (epochs, focused, lost_ground),
-    "disengagement": (outclassed, drifting_apart, quiet_end),
-    "stagnation": (uneven_strengths, short_memory, only_the_others),
+    "progress": (saturating, random_gains, growing_strength, breakthroughs),
+    "cycling": (turning_mixtures, sawtooth, irregular_turns, counters),
+    "forgetting": (epochs, focused, lost_ground, power_law_of_forgetting),
+    "disengagement": (outclassed, drifting_apart, quiet_end, one_sided_end),
+    "stagnation": (uneven_strengths, short_memory, only_the_others, trapped),
 }

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.tree.text import Tree
-from coevo.vocabulary import PREFIX, SKILLS
+from coevo.vocabulary import SKILLS, in_words
 
 __all__ = ["as_dot", "as_svg", "as_text"]
 
@@ -18,12 +18,6 @@ __all__ = ["as_dot", "as_svg", "as_text"]
 _COLOURS = ("#c2410c", "#1d4ed8", "#7c3aed", "#047857", "#a16207", "#0e7490", "#be185d", "#525252")
 _QUESTION = "#0f172a"
 _CELL_X, _CELL_Y, _BOX_H = 15.0, 58.0, 22.0
-
-
-def _label(name: str) -> str:
-    if not name.startswith(PREFIX):
-        return name
-    return name[len(PREFIX) :].replace("_is_", " is ").replace("_", " ") + "?"
 
 
 def _colours(tree: Tree, terminals: Sequence[str]) -> dict[str, str]:
@@ -52,7 +46,7 @@ def as_text(tree: Tree, steps: Sequence[int] | NDArray[np.int64] | None = None) 
     for node, (name, depth) in enumerate(zip(tree.names, tree.depths, strict=True)):
         share = _share(steps, node)
         use = "" if share is None else f"{share:7.1%}  "
-        lines.append(f"{use}{'  ' * depth}{marks[node]}{_label(name)}")
+        lines.append(f"{use}{'  ' * depth}{marks[node]}{in_words(name)}")
     return "\n".join(lines)
 
 
@@ -77,7 +71,7 @@ def as_dot(
         share = _share(steps, node)
         use = "" if share is None else f"\\n{share:.1%}"
         look = f', color="{colours[name]}", fontcolor="{colours[name]}"' if name in colours else ""
-        lines.append(f'  n{node} [label="{_label(name)}{use}"{look}];')
+        lines.append(f'  n{node} [label="{in_words(name)}{use}"{look}];')
         if tree.second[node]:
             lines.append(f'  n{node} -> n{node + 1} [label="yes"];')
             lines.append(f'  n{node} -> n{tree.second[node]} [label="no"];')
@@ -86,7 +80,7 @@ def as_dot(
 
 def _places(tree: Tree) -> list[float]:
     """Return where each node stands across, in columns: an IF in the middle of what its branches and its label need."""
-    labels = [max(3.2, 0.62 * len(_label(name)) + 1.2) for name in tree.names]
+    labels = [max(3.2, 0.62 * len(in_words(name)) + 1.2) for name in tree.names]
     widths = list(labels)
     for node in range(tree.nodes - 1, -1, -1):
         if tree.second[node]:
@@ -131,7 +125,7 @@ def as_svg(
                 f' text-anchor="{"end" if answer == "yes" else "start"}">{answer}</text>'
             )
     for node, name in enumerate(tree.names):
-        text, share = _label(name), _share(steps, node)
+        text, share = in_words(name), _share(steps, node)
         box = 6.4 * len(text) + 12.0
         unused = share is not None and share == 0.0
         colour = "#94a3b8" if unused else colours.get(name, _QUESTION)

@@ -17,7 +17,7 @@ from coevo.seeds import RunStream, game_seeds
 from coevo.tree import FunctionSet, Tree, from_codes, simplify
 from coevo.tree.draw import as_svg
 from coevo.tree.fold import FOLD
-from coevo.tree.rules import Rule, leaf_rules
+from coevo.tree.rules import Rule, in_words, leaf_rules
 
 __all__ = [
     "TreeUsage",
@@ -221,13 +221,22 @@ def merge_usage(tree: Tree, node_steps: NDArray[np.int64], smaller: Tree) -> NDA
     """Return the steps of each node of a simplified tree, from those of the tree it was made of.
 
     Each leaf of ``tree`` sends its steps down ``smaller`` along conditions that it fulfilled itself.
+
+    Raises:
+        InputError: steps came to a leaf that cannot be reached, as the function set has it.
     """
     steps = np.zeros(smaller.nodes, np.int64)
     for leaf, answers in _paths(tree):
         if node_steps[leaf]:
             node = 0
             while smaller.second[node]:
-                node = node + 1 if answers[smaller.names[node]] else smaller.second[node]
+                answer = answers.get(smaller.names[node])
+                if answer is None:
+                    raise InputError(
+                        f"a game came to a leaf where {in_words([*answers.items()])}, which the situations of its"
+                        " function set exclude; mend these situations"
+                    )
+                node = node + 1 if answer else smaller.second[node]
             steps[node] += node_steps[leaf]
     return _add_up(steps, smaller.second)
 

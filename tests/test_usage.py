@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from coevo.errors import InputError
 from coevo.portrait import portrait, questions
 from coevo.skill import skill_description
 from coevo.tree import FunctionSet, Tree, parse
 from coevo.tree.draw import as_svg
-from coevo.usage import TreeUsage, UsedTree, used_tree, without_unused
+from coevo.usage import TreeUsage, UsedTree, merge_usage, used_tree, without_unused
 from coevo.vocabulary import SKILLS
 
 # Three exclusive words, and two questions of their own: 3 x 2 x 2 situations.
@@ -109,6 +110,16 @@ def test_the_questions_told_are_those_that_made_a_difference(tree, counts):
     done = {tree.names[leaf_of(tree, true)] for true, count in zip(SITUATIONS, counts, strict=True) if count}
     assert (len(questions(used)) == 0) == (len(done) == 1)
     assert len(set(questions(used))) == len(questions(used))
+
+
+def test_a_game_that_does_what_its_function_set_excludes_is_told_so():
+    tree = parse("IF_light_is_red(IF_light_is_amber(go, IF_dark(stay, turn)), stay)", FUNCTIONS)
+    steps = np.array([3, 3, 3, 0, 0, 0, 0])
+    used = after(tree, where(bool))
+    with pytest.raises(
+        InputError, match="where light is red and amber, which the situations of its function set exclude"
+    ):
+        merge_usage(tree, steps, used.simplified)
 
 
 def told(used, unseen=""):

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from coevo.cli import main
-from coevo.evolution.evaluation import Evaluator
+from coevo.evolution.evaluation import Evaluator, Match, group_seeds
 from coevo.game import programs_of
 from coevo.usage import group_trees, seeds_of_group
 
@@ -59,7 +59,8 @@ def test_games_of_a_group_are_those_of_the_evaluator_one_by_one(small_run, play)
     game = small_run.game
     groups = [programs_of(game, group_trees(small_run, 1, group)) for group in range(6)]
     with Evaluator(small_run.config, workers=1, backend="threads") as evaluator:
-        played = list(evaluator.play(1, groups))
+        matches = [Match(programs, group_seeds(small_run.config.seed, 1, k, 2)) for k, programs in enumerate(groups)]
+        played = list(evaluator.play(matches))
     digests = set()
     for number in range(2):
         told = json.loads(play(small_run, "--generation", 1, "--group", 4, "--game", number, "--json")[1])

@@ -15,6 +15,7 @@ import coevo
 
 # What the README, the how-tos and other programs call.
 PUBLIC = (
+    "analysis.ancestry.inheritance.ancestors",
     "analysis.games.play",
     "behaviors.coordination.isodata.isodata",
     "behaviors.learning.evaluate",

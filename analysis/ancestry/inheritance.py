@@ -128,10 +128,20 @@ def ancestors(
         InputError: there is no such individual, or breeding again gives others than the run holds.
 
     Example:
+        >>> from pathlib import Path
         >>> from analysis.ancestry import ancestors
-        >>> from coevo.run import open_run
-        >>> found = ancestors(open_run("runs/first"), "r0", generation=2, index=0)  # doctest: +SKIP
-        >>> found.nodes.groupby(["generation", "operator"]).size()  # doctest: +SKIP
+        >>> from coevo.evolution import evolve
+        >>> from coevo.evolution.evaluation import Evaluator
+        >>> from coevo.recipes import read_experiment
+        >>> from coevo.run import create_run
+        >>> small = ["gp.population=4", "gp.generations=2", "gp.tournament=2", "evaluation.games=1"]
+        >>> run = create_run(Path("runs/family"), read_experiment("smoke", small))
+        >>> with Evaluator(run.config, workers=1, backend="threads") as evaluator:
+        ...     evolve(run, evaluator, lambda _: None)
+        >>> best = run.record(1, "r0").iloc[0]
+        >>> found = ancestors(run, "r0", generation=1, index=int(best["index"]))
+        >>> bool(found.ancestors["arisen"].sum() == len(found.nodes) == best["nodes"])
+        True
     """
     size = len(run.record(generation, robot))
     if not 0 <= index < size:

@@ -55,6 +55,14 @@ def stationary_run(small_settings, go_on, tmp_path_factory):
     return go_on(create_run(tmp_path_factory.mktemp("stationary") / "run", settings))
 
 
+@pytest.fixture(scope="module")
+def mutating_run(small_settings, go_on, tmp_path_factory):
+    """Return a run in which many are mutated, by a function and its two leaves at most."""
+    shares = ("gp.crossover=0.5", "gp.mutation=0.45", "gp.mutation_depth_max=1", "gp.population=10", "gp.generations=5")
+    settings = small_settings(*shares, "evaluation.games=1", "game.time_limit_steps=20")
+    return go_on(create_run(tmp_path_factory.mktemp("mutating") / "run", settings))
+
+
 @pytest.fixture(params=["small_run", "eventful_run", "stationary_run"])
 def run(request):
     return request.getfixturevalue(request.param)
@@ -240,8 +248,14 @@ def replacements(parent, child):
     return pairs
 
 
-def test_every_individual_is_what_its_operator_makes_of_its_parents(run, nested):
+def depth_of(nested_tree):
+    return 1 + max(map(depth_of, nested_tree[1:])) if isinstance(nested_tree, tuple) else 0
+
+
+@pytest.mark.parametrize("which", ["small_run", "eventful_run", "stationary_run", "mutating_run"])
+def test_every_individual_is_what_its_operator_makes_of_its_parents(which, request, nested):
     """Trees are compared whole: nothing here knows how children are bred."""
+    run = request.getfixturevalue(which)
     table, seen = read(run), Counter()
     for robot in evolving(run):
         of_robot = table[table.robot == f"r{robot}"]
@@ -264,9 +278,11 @@ def test_every_individual_is_what_its_operator_makes_of_its_parents(run, nested)
             else:
                 assert row.parent_2 == -1
                 assert row.operator == "mutation" or child == parent
-                assert row.operator != "mutation" or replacements(parent, child)
+                grown = [0 if came is None else depth_of(came) for _, came in replacements(parent, child)]
+                assert row.operator != "mutation" or min(grown) <= run.config.gp.mutation_depth_max
     assert set(seen) <= {"creation", "elite", "reproduction", "crossover", "mutation"}
     assert min(seen[name] for name in ("creation", "elite", "crossover")) > 0
+    assert which != "mutating_run" or seen["mutation"] > 20
 
 
 def test_the_elite_are_the_best_of_the_generation_before(run):

@@ -101,7 +101,7 @@ def chart(curves: pd.DataFrame, words: Words | None = None) -> alt.VConcatChart:
     Raises:
         InputError: altair is not installed.
     """
-    alt = altair()
+    vega = altair()
     words = words or Words()
     measures, robots = list(dict.fromkeys(curves["measure"])), list(dict.fromkeys(curves["robot"]))
     by_measure = len(robots) == 1 and len(measures) > 1
@@ -109,7 +109,7 @@ def chart(curves: pd.DataFrame, words: Words | None = None) -> alt.VConcatChart:
     panels = [(measure, robot) for measure in measures for robot in robots]
     lines = [panels[first : first + across] for first in range(0, len(panels), across)]
     size = {"width": _WIDTH.get(across, _NARROW), "height": _HEIGHT.get(len(lines), _LOW)}
-    encode = _Encoding(alt, curves)
+    encode = _Encoding(vega, curves)
     rows = []
     for number, line in enumerate(lines):
         cells = []
@@ -122,14 +122,14 @@ def chart(curves: pd.DataFrame, words: Words | None = None) -> alt.VConcatChart:
             x_title = "generation" if number * across + place + across >= len(panels) else None
             cells.append(
                 encode.panel(part, axis, x_title, domain).properties(
-                    title=alt.TitleParams(heading, frame="group"), **size
+                    title=vega.TitleParams(heading, frame="group"), **size
                 )
             )
-        rows.append(alt.hconcat(*cells, spacing=14))
+        rows.append(vega.hconcat(*cells, spacing=14))
     heading = {"text": words.title, "subtitle": words.subtitle, "anchor": "start", "fontSize": 15}
     if len(robots) == 1 and not words.title.endswith(robots[0]):
         heading["text"] = f"{words.title} {robots[0]}".strip()
-    whole = alt.vconcat(*rows, spacing=10, title=heading).resolve_scale(
+    whole = vega.vconcat(*rows, spacing=10, title=heading).resolve_scale(
         color="shared", strokeDash="shared", strokeWidth="shared"
     )
     return cast("alt.VConcatChart", whole)

@@ -144,8 +144,9 @@ def _as_text(found: pd.DataFrame, estimator: str) -> str:
         robots = {name: number for number, name in enumerate(dict.fromkeys(of_group["robot"]))}
         ordered = of_group.sort_values("robot", key=lambda names: names.map(robots), kind="stable")
         for (robot, measure, statistic), line in ordered.groupby(["robot", "measure", "statistic"], sort=False):
-            at = line.set_index("generation")[["value", "low", "high"]]
-            cells = [_cell(*at.loc[one].tolist()) if one in at.index else "" for one in shown]
+            numbers = zip(line["generation"], line["value"], line["low"], line["high"], strict=True)
+            cells_at = {generation: _cell(*found) for generation, *found in numbers}
+            cells = [cells_at.get(one, "") for one in shown]
             course = [_spark(line["value"].tolist())] if sys.stdout.isatty() else []
             rows.append([str(robot), str(measure), str(statistic), *cells, *course])
         parts.append(f"{group}{over}{direction}\n{text_table(header, rows)}")

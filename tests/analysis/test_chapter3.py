@@ -8,12 +8,15 @@ import shutil
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 from scipy import stats
 
-from analysis._figure import Line, line_chart
-from analysis.chapter3 import read_methods, report
+from analysis.chapter3 import report
+from analysis.chapter3_figures import contributions, errors_of_a_trial, line_chart, periods_of
+from analysis.chapter3_sets import read_methods
+from analysis.charts import chart_bytes
 
 PASSING = (0.2, 0.4, 0.9)  # of each set, in period E
 GAINS = (("E", 1.0), ("F", 1.5))  # times that
@@ -149,21 +152,48 @@ def test_only_whole_sets_are_read(folder):
     assert len(read_methods(folder)[0].summaries) == len(PASSING)
 
 
+def paths(chart):
+    """Return the corners of each line of a chart, (points, 2) in pixels, a list for each unbroken piece."""
+    root = ET.fromstring(chart_bytes(chart, ".svg"))  # noqa: S314 - our own
+    lines = [e.attrib["d"] for e in root.iter("{http://www.w3.org/2000/svg}path") if e.get("aria-roledescription") == "line mark"]
+    return [
+        [np.array(piece.replace("L", ",").split(","), float).reshape(-1, 2) for piece in d.split("M")[1:]]
+        for d in lines
+    ]
+
+
 def test_a_chart_puts_points_where_their_values_are():
-    x, y = np.array([0.0, 5.0, 10.0]), np.array([0.0, 1.0, 0.5])
-    chart = line_chart([Line("a < b", x, y)], title="t", x_label="x", y_label="y", marks=[(5.0, "half")])
-    root = ET.fromstring(chart)  # noqa: S314 - our own text
-    (line,) = root.iter("{http://www.w3.org/2000/svg}polyline")
-    points = np.array([[float(v) for v in pair.split(",")] for pair in line.attrib["points"].split()])
+    table = pd.DataFrame({"x": [0.0, 5.0, 10.0], "y": [0.0, 1.0, 0.5], "name": "a < b"})
+    marks = pd.DataFrame({"x": [5.0], "what": ["half"]})
+    chart = line_chart(table, x="x", y="y", by="name", titles=("t", "x", "y"), marks=marks)
+    ((points,),) = paths(chart)
     assert points[1, 0] == pytest.approx(0.5 * (points[0, 0] + points[2, 0]), abs=0.1)
     assert points[2, 1] == pytest.approx(0.5 * (points[0, 1] + points[1, 1]), abs=0.1)
     assert points[1, 1] < points[0, 1]  # y points down in SVG
+    assert b"half" in chart_bytes(chart, ".svg")
 
 
 def test_a_line_is_broken_where_there_is_no_number():
-    y = np.array([1.0, 2.0, np.nan, 4.0, np.nan, np.nan, 3.0, 1.0])
-    drawing = line_chart([Line("ball", np.arange(8.0), y)], title="", x_label="", y_label="")
-    picture = ET.fromstring(drawing)  # noqa: S314 - our own
-    drawn = [part.get("points", "").split() for part in picture.iter("{http://www.w3.org/2000/svg}polyline")]
-    assert [len(points) for points in drawn] == [2, 1, 2]
-    assert not any("nan" in point for points in drawn for point in points)
+    y = [1.0, 2.0, np.nan, 4.0, 5.0, np.nan, np.nan, 3.0, 1.0]
+    table = pd.DataFrame({"x": np.arange(9.0), "y": y, "name": "ball"})
+    (pieces,) = paths(line_chart(table, x="x", y="y", by="name", titles=("", "", "")))
+    assert [len(piece) for piece in pieces] == [2, 2, 2]
+
+
+def test_errors_have_a_gap_where_the_object_was_out_of_view(folder):
+    lines = [f"simulation,passer,ball,{step},{step / 10}" for step in (30, 31, 45, 46)]
+    path = folder / "schedule" / "set-00" / "errors.csv"
+    path.write_text("\n".join(["where,robot,object,step,error_px", *lines]) + "\n")
+    table = errors_of_a_trial(read_methods(folder))
+    assert table["error_px"].fillna(-1.0).tolist() == [3.0, 3.1, -1.0, 4.5, 4.6]
+    assert table["time_s"].tolist() == pytest.approx([1.0, 31 / 30, 1.5, 1.5, 46 / 30])
+
+
+def test_contributions_are_those_of_the_newest_models_and_means_over_sets(folder):
+    table = contributions(read_methods(folder))
+    assert table[["robot", "object", "element"]].to_numpy().tolist() == [["passer", "ball", 1], ["passer", "ball", 2]]
+    assert table["mu"].tolist() == pytest.approx([0.9, np.mean([0.5, 0.6, 0.7])])
+
+
+def test_marks_say_where_periods_in_simulation_begin(folder):
+    assert periods_of(read_methods(folder)).to_numpy().tolist() == [[0, "period A"], [50, "period B"]]

@@ -9,7 +9,7 @@ from behaviors.recipe import MoverSettings, Recipe
 from coevo.skill import Skill
 from coevo.statistics import share_interval
 
-__all__ = ["describe", "make_card", "measure"]
+__all__ = ["describe", "make_card", "measure", "measured_mover"]
 
 # What a skill of each task does, where its recipe has no description of its own.
 _TASKS = {
@@ -47,11 +47,17 @@ def _starts(recipe: Recipe) -> list[str]:
     return ["in-view"] if recipe.task in ("search", "avoid") else ["in-view", "anywhere"]
 
 
+def measured_mover(recipe: Recipe) -> MoverSettings | None:
+    """Return what the other robot does when a skill is measured, None for what it does in the recipe.
+
+    Success of avoid is defined against a robot that moves at random.
+    """
+    return MoverSettings(kind="random") if recipe.task == "avoid" else None
+
+
 def measure(recipe: Recipe, skill: Skill | Yardstick, *, games: int, seed: int, starts: str) -> dict[str, Any]:
     """Return what a skill, or what it is compared with, does from unseen starts, with the 95 % confidence interval."""
-    # Success of avoid is defined against a robot that moves at random.
-    mover = MoverSettings(kind="random") if recipe.task == "avoid" else None
-    result = evaluate(recipe, skill, games=games, seed=seed, starts=starts, mover=mover)
+    result = evaluate(recipe, skill, games=games, seed=seed, starts=starts, mover=measured_mover(recipe))
     data: dict[str, Any] = {
         "starts": starts,
         "games": games,

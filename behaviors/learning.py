@@ -21,6 +21,7 @@ from behaviors.recipe import Recipe, plain_recipe, recipe_digest
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import make_table
 from behaviors.trials.kernels import Results
+from behaviors.trials.scene import Scene, Watched
 from behaviors.trials.solo import blank_skill, no_start, provisional_skill, solo_scene
 from behaviors.trials.task import COLLISION, SUCCESS
 from coevo.errors import InputError
@@ -29,7 +30,7 @@ from coevo.skill import ObjectModel, Skill, load_skill
 from coevo.skill.model import pack_models, unpack_models
 from coevo.stage import INFORMED, LEARNER, SKILL
 
-__all__ = ["Learning", "Measured", "evaluate", "learn"]
+__all__ = ["Learning", "Measured", "evaluate", "learn", "succeeded", "watch"]
 
 # What a skill is measured beside.
 Yardstick = Literal["random", "informed"]
@@ -141,7 +142,7 @@ class Learning:
         Raises:
             InputError: no start was found.
         """
-        return float(_success(self._recipe, self._practice.advance().ends).mean())
+        return float(succeeded(self._recipe, self._practice.advance().ends).mean())
 
     def skill(self) -> Skill:
         """Return what has been learned so far."""
@@ -228,7 +229,8 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
     return learning.skill()
 
 
-def _success(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
+def succeeded(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell of (trials,) outcomes which are a success; of the task avoid, that no collision happened."""
     success: NDArray[np.bool_] = outcomes != COLLISION if recipe.task == "avoid" else outcomes == SUCCESS
     return success
 
@@ -266,28 +268,52 @@ def evaluate(
     """
     changed = msgspec.structs.replace(recipe, starts=starts or recipe.starts, mover=mover or recipe.mover)
     if isinstance(skill, Skill):
-        kinds = {model.kind for model in skill.objects}
-        if kinds != {model.kind for model in recipe.objects}:
-            wanted = ", ".join(model.kind for model in recipe.objects)
-            looks = ", ".join(sorted(kinds))
-            raise InputError(f"the skill {skill.name!r} looks at {looks}; the task {recipe.task} needs {wanted}")
+        _check_looks(recipe, skill)
     return _run(changed, skill, games, seed, SkillStream.EVALUATION, epsilon)
+
+
+def watch(
+    recipe: Recipe, skill: Skill, *, games: int, seed: int, starts: str | None = None, mover: Any = None
+) -> list[Watched]:
+    """Return every step of the trials that ``evaluate`` runs with the same arguments.
+
+    Raises:
+        InputError: the skill is not one for this task, or no start was found.
+    """
+    changed = msgspec.structs.replace(recipe, starts=starts or recipe.starts, mover=mover or recipe.mover)
+    _check_looks(recipe, skill)
+    watched = _scene(changed, skill).watch(game_seeds(seed, SkillStream.EVALUATION, count=games))
+    if watched is None:
+        raise no_start(recipe)
+    return watched
+
+
+def _check_looks(recipe: Recipe, skill: Skill) -> None:
+    kinds = {model.kind for model in skill.objects}
+    if kinds != {model.kind for model in recipe.objects}:
+        wanted = ", ".join(model.kind for model in recipe.objects)
+        looks = ", ".join(sorted(kinds))
+        raise InputError(f"the skill {skill.name!r} looks at {looks}; the task {recipe.task} needs {wanted}")
 
 
 def _run(
     recipe: Recipe, skill: Skill | Yardstick, games: int, seed: int, stream: SkillStream, epsilon: float = 0.0
 ) -> Measured:
     """Run ``games`` trials of the recipe without learning."""
+    found = _scene(recipe, skill, epsilon).run(game_seeds(seed, stream, count=games), total=games)
+    if found is None:
+        raise no_start(recipe)
+    return Measured(found.ends, found.steps, succeeded(recipe, found.ends))
+
+
+def _scene(recipe: Recipe, skill: Skill | Yardstick, epsilon: float = 0.0) -> Scene:
+    """Return what trials without learning happen in."""
     known = isinstance(skill, Skill)
     learner = make_learner(recipe.learning)._replace(epsilon_start=epsilon, epsilon_end=epsilon)
-    scene = solo_scene(
+    return solo_scene(
         recipe,
         skill if isinstance(skill, Skill) else provisional_skill(recipe),
         INFORMED if skill == "informed" else SKILL,
         learner=learner,
         at_random=not known,
     )
-    found = scene.run(game_seeds(seed, stream, count=games), total=games)
-    if found is None:
-        raise no_start(recipe)
-    return Measured(found.ends, found.steps, _success(recipe, found.ends))

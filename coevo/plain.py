@@ -79,6 +79,7 @@ class _Robot:
     nearest: _Sight
     nearest_is: int
     inputs: deque[tuple[float, float]]
+    tree: Tree
     choose: Callable[[], str]
     skill: str = ""
     action: int = -1
@@ -125,8 +126,11 @@ class PlainGame:
 
         return look
 
-    def play(self, trees: Sequence[Tree | None], seed: np.uint64) -> tuple[Outcome, Trace]:
-        """Play one game; the arguments and results are those of ``coevo.game.Arena.trace``."""
+    def play(self, trees: Sequence[Tree | None], seed: np.uint64, *, thoughts: bool = False) -> tuple[Outcome, Trace]:
+        """Play one game; the arguments and results are those of ``coevo.game.Arena.trace``.
+
+        Leaves and perceived states, which take time of their own, are -1 without ``thoughts``.
+        """
         settings, robots = self.settings, len(self.settings.players)
         teams = np.array([player.team for player in settings.players], np.int64)
         world = World(settings.world, robots)
@@ -142,7 +146,7 @@ class PlainGame:
             for number, tree in enumerate(trees)
         ]
         referee = _Referee(settings, teams)
-        states, skills, actions = [world.state], [], []
+        states, skills, actions, leaves, perceived = [world.state], [], [], [], []
         skill_steps = np.zeros((robots, len(self._terminals)), np.int64)
         scorer, time = -1, 0
         while time < settings.game.time_limit_steps and scorer < 0:
@@ -155,6 +159,9 @@ class PlainGame:
                 commands[player.number] = self._actions.commands[player.action]
             skills.append([-1 if p is None else self._terminals.index(p.skill) for p in players])
             actions.append([-1 if p is None else p.action for p in players])
+            thinking = [player if thoughts else None for player in players]
+            leaves.append([-1 if p is None else _leaf(p.tree, now[p.number]) for p in thinking])
+            perceived.append([-1 if p is None else self._state(p, self._skills[p.skill]) for p in thinking])
             scorer = referee.step(world, commands, time)
             states.append(world.state)
             time += 1
@@ -168,7 +175,13 @@ class PlainGame:
             skill_steps=skill_steps,
             leaf_steps=(),
         )
-        return outcome, Trace(np.array(states), np.array(skills, np.int8), np.array(actions, np.int8))
+        return outcome, Trace(
+            np.array(states),
+            np.array(skills, np.int8),
+            np.array(actions, np.int8),
+            np.array(leaves, np.int32),
+            np.array(perceived, np.int32),
+        )
 
     def _robot(self, number: int, side: int, tree: Tree, now: dict[int, dict[str, bool]]) -> _Robot:
         """Compile a tree the way DEAP's examples do: each IF asks its condition, then runs one branch."""
@@ -188,7 +201,7 @@ class PlainGame:
         objects = object_count(len(self.settings.players))
         sights = [_Sight(self._history) for _ in range(objects)]
         inputs = deque([(0.0, 0.0)] * self._history, maxlen=self._history)
-        return _Robot(number, side, sights, _Sight(self._history), -1, inputs, choose)
+        return _Robot(number, side, sights, _Sight(self._history), -1, inputs, tree, choose)
 
     def _act(self, player: _Robot, state: NDArray[np.float64], now: dict[int, dict[str, bool]]) -> None:
         features, areas = self._eye(state, player.number)
@@ -274,6 +287,18 @@ class PlainGame:
             if other != player.number and settings.team == team:
                 return player.sights[ROBOTS + other - (1 if other > player.number else 0)]
         return None
+
+
+def _leaf(tree: Tree, true: dict[str, bool]) -> int:
+    """Return the node where a tree ends, by what is true."""
+    node = 0
+    while tree.names[node] in true:
+        skipped = 0 if true[tree.names[node]] else 1
+        node += 1
+        while skipped:  # one branch: a function begins two more and ends none
+            skipped += 1 if tree.names[node] in true else -1
+            node += 1
+    return node
 
 
 def _holds(expression: str, name: str, features: NDArray[np.float64] | None) -> bool:

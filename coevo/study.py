@@ -18,7 +18,7 @@ from typing import Any
 
 from coevo.errors import InputError
 
-__all__ = ["StoredSet", "StudyMethod", "open_method", "read_sets", "table_bytes", "write_set"]
+__all__ = ["StoredSet", "StudyMethod", "open_method", "read_set", "read_sets", "table_bytes", "write_set"]
 
 _SETTINGS, _SUMMARY = "settings.json", "set.json"
 
@@ -115,6 +115,25 @@ def table_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
         writer.writeheader()
         writer.writerows(rows)
     return text.getvalue().encode()
+
+
+def read_set(folder: Path) -> tuple[StoredSet, dict[str, Any]]:
+    """Return one finished set, and the settings of its method.
+
+    Raises:
+        InputError: there is none, or it cannot be read.
+    """
+    read = []
+    for path in (folder / _SUMMARY, folder.parent / _SETTINGS):
+        try:
+            read.append(json.loads(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise InputError(
+                f"{folder} is no finished set: cannot read {path} ({reason}); name a folder such as"
+                " runs/chapter3/schedule/set-00"
+            ) from None
+    return StoredSet(folder, read[0]), read[1]
 
 
 def read_sets(study: Path) -> dict[str, list[StoredSet]]:

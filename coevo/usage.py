@@ -9,10 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from coevo.errors import InputError
 from coevo.evolution.evaluation import group_seeds
+from coevo.game import programs_of
 from coevo.run import Run
 from coevo.seeds import RunStream, game_seeds
-from coevo.tree import FunctionSet, Program, Tree, compile_program, simplify
+from coevo.tree import FunctionSet, Tree, from_codes, simplify
 from coevo.tree.draw import as_svg
 from coevo.tree.fold import FOLD
 from coevo.tree.rules import Rule, leaf_rules
@@ -20,9 +22,11 @@ from coevo.tree.rules import Rule, leaf_rules
 __all__ = [
     "TreeUsage",
     "UsedTree",
+    "group_trees",
     "last_generation",
     "merge_usage",
     "play_seeds",
+    "seeds_of_group",
     "tree_usage",
     "used_tree",
     "without_unused",
@@ -157,16 +161,43 @@ def play_seeds(seed: int, games: int) -> NDArray[np.uint64]:
     return game_seeds(seed, RunStream.PLAY, count=games)
 
 
-def tree_usage(run: Run, generation: int, group: int, robot: str) -> TreeUsage:
-    """Play the games of a group again and count where the tree of ``robot`` went."""
-    settings, game = run.config, run.game
-    programs: list[Program | None] = [None] * len(game.roles)
+def group_trees(run: Run, generation: int, group: int) -> list[Tree | None]:
+    """Return the trees that played each other in a group, one for each role, None for roles without one.
+
+    Raises:
+        InputError: there is no such generation or group.
+    """
+    trees: list[Tree | None] = [None] * len(run.game.roles)
     for role, name in run.evolving.items():
         rows = run.record(generation, name)
-        member = rows[rows["group"] == group].iloc[0]
-        programs[role] = compile_program(np.asarray(member["tree"], np.uint8), game.function_set(role))
-    seeds = group_seeds(settings.seed, generation, group, settings.evaluation.games)
-    number = run.number_of(robot)
+        member = rows[rows["group"] == group]
+        if member.empty:
+            last = int(rows["group"].max())
+            raise InputError(f"generation {generation} of {run.path} has the groups 0 to {last}, got {group}")
+        trees[role] = from_codes(np.asarray(member.iloc[0]["tree"], np.uint8), run.game.function_set(role))
+    return trees
+
+
+def seeds_of_group(run: Run, generation: int, group: int, game: int | None = None) -> NDArray[np.uint64]:
+    """Return the seeds of the games of a group, or of one of them.
+
+    Raises:
+        InputError: there is no such game.
+    """
+    games = run.config.evaluation.games
+    seeds = group_seeds(run.config.seed, generation, group, games)
+    if game is None:
+        return seeds
+    if not 0 <= game < games:
+        raise InputError(f"each group of {run.path} played the games 0 to {games - 1}, got {game}")
+    return seeds[game : game + 1]
+
+
+def tree_usage(run: Run, generation: int, group: int, robot: str) -> TreeUsage:
+    """Play the games of a group again and count where the tree of ``robot`` went."""
+    game, number = run.game, run.number_of(robot)
+    programs = programs_of(game, group_trees(run, generation, group))
+    seeds = seeds_of_group(run, generation, group)
     leaf_steps, program = game.play(programs, seeds).leaf_steps[number], programs[number]
     assert program is not None
     steps = int(leaf_steps.sum())

@@ -118,7 +118,7 @@ def play_both(settings, trees, seeds):
     different, outcomes = [], []
     for n, (team, seed) in enumerate(zip(trees, seeds, strict=True)):
         one, seen = arena.trace(programs(settings, team), seed)
-        two, expected = plain.play(team, seed)
+        two, expected = plain.play(team, seed, thoughts=True)
         equal = [
             np.array_equal(getattr(one, name), getattr(two, name))
             for name in ("steps", "scorer", "kicks", "collisions", "passes", "own_goals", "skill_steps")
@@ -127,6 +127,8 @@ def play_both(settings, trees, seeds):
             seen.states.tobytes() == expected.states.tobytes(),
             np.array_equal(seen.skills, expected.skills),
             np.array_equal(seen.actions, expected.actions),
+            np.array_equal(seen.leaves, expected.leaves),
+            np.array_equal(seen.perceived, expected.perceived),
         ]
         if not all(equal):
             different.append(n)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["learn", "tell_compiling"]
 
 _GAMES = 1000  # starts that cards are measured on
+_FILMED = 5  # trials
 _SAVE_EVERY_S, _SAVE_SHARE = 3.0, 0.05  # seldom, and where a table is large, never for more than this share of the time
 
 
@@ -43,6 +44,9 @@ _SAVE_EVERY_S, _SAVE_SHARE = 3.0, 0.05  # seldom, and where a table is large, ne
     show_default=True,
     help="How many trials measure the result.",
 )
+@click.option(
+    "--video", type=click.Path(path_type=Path), help="Then show 5 trials of what was learned: .html, .mp4 or .gif."
+)
 @click.option("--resume", is_flag=True, help="Go on with the unfinished learning in the folder.")
 @click.option("--restart", is_flag=True, help="Throw away the unfinished learning in the folder.")
 @output_options
@@ -54,6 +58,7 @@ def learn(
     drive: str | None,
     out: Path | None,
     games: int,
+    video: Path | None,
     resume: bool,
     restart: bool,
     as_json: bool,
@@ -67,13 +72,17 @@ def learn(
     \b
     Example: coevo learn shoot --seed 5
              coevo learn shoot --seed 5 --resume
+             coevo learn search --trials 500 --video search.html
              coevo learn chapter3/shoot-avoiding
     """
     from behaviors.cards import make_card
     from behaviors.recipe import is_recipe_of, read_recipe
     from coevo.config import to_toml
+    from coevo.replay import check_video
     from coevo.seeds import StartsSeed
 
+    if video is not None:
+        check_video(video)
     if resume and restart:
         raise InputError("--resume goes on with a learning and --restart throws it away: give one of them")
     recipe = read_recipe(source)
@@ -88,6 +97,7 @@ def learn(
     folder = out if out is not None else Path("runs") / "skills" / f"{recipe.name}-seed{recipe.seed}"
     checkpoint = folder / "learning.npz"
     if resume and not checkpoint.exists() and (folder / "skill.npz").exists():
+        _film(folder, recipe, video)
         _show(folder, _finished(folder, recipe), as_json=as_json, said=f"Finished before: {folder}")
         return
     if not resume and not restart and checkpoint.exists():
@@ -103,7 +113,8 @@ def learn(
     except KeyboardInterrupt:
         with _writing(folder):
             learning.save(checkpoint)
-        again = _again(source, seed=seed, trials=trials, drive=drive, out=out, games=None if games == _GAMES else games)
+        counted = None if games == _GAMES else games
+        again = _again(source, seed=seed, trials=trials, drive=drive, out=out, games=counted, video=video)
         note(f"Stopped; {learning.done} of {recipe.trials} trials are saved. Go on with: {again}")
         raise
     with _writing(folder):
@@ -112,7 +123,21 @@ def learn(
             (folder / "recipe.toml").write_text(to_toml(recipe), encoding="utf-8")
         (folder / "card.json").write_bytes(msgspec.json.format(msgspec.json.encode(card), indent=2) + b"\n")
         checkpoint.unlink(missing_ok=True)
+    _film(folder, recipe, video)
     _show(folder, card, as_json=as_json, said=f"Written: {folder}")
+
+
+def _film(folder: Path, recipe: Recipe, video: Path | None) -> None:
+    """Show the first of the trials that the card counts."""
+    if video is None:
+        return
+    from behaviors.watching import skill_recording
+    from coevo.replay import write_video
+    from coevo.seeds import StartsSeed
+    from coevo.skill import load_skill
+
+    skill = load_skill(folder / "skill.npz")
+    write_video(video, skill_recording(recipe, skill, games=_FILMED, seed=StartsSeed.CARDS, starts="in-view"))
 
 
 def _refuse(checkpoint: Path) -> None:

@@ -1,12 +1,19 @@
-"""coevo skills, coevo skills evaluate."""
+"""coevo skills, coevo skills evaluate, coevo skills watch."""
 
 from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from behaviors.commands.learning import tell_compiling
-from coevo.console import emit, output_options, table
+from coevo.console import emit, output_options, show, table
 from coevo.errors import InputError
+
+if TYPE_CHECKING:
+    from behaviors.recipe import Recipe
+    from coevo.skill import Skill
 
 __all__ = ["skills"]
 
@@ -20,6 +27,7 @@ def skills(context: click.Context, *, as_json: bool, quiet: bool) -> None:
     \b
     Example: coevo skills
              coevo skills evaluate shoot --games 1000 --seed 7
+             coevo skills watch shoot
     """
     del quiet
     if context.invoked_subcommand is not None:
@@ -91,12 +99,8 @@ def evaluate(*, skill: str, games: int, seed: int, starts: str, as_json: bool, q
     Example: coevo skills evaluate shoot --games 1000 --seed 7 --starts anywhere
     """
     from behaviors.cards import describe, measure
-    from behaviors.recipe import Recipe
-    from coevo.config import check
-    from coevo.skill import load_skill
 
-    loaded = load_skill(skill)
-    recipe = check(Recipe, dict(loaded.about.get("recipe", {})), f"the recipe in {skill}")
+    loaded, recipe = _with_recipe(skill)
     tell_compiling(quiet=quiet)
     data = {"name": loaded.name, **measure(recipe, loaded, games=games, seed=seed, starts=starts)}
     if as_json:
@@ -105,3 +109,47 @@ def evaluate(*, skill: str, games: int, seed: int, starts: str, as_json: bool, q
     click.echo(f"{loaded.name} ({loaded.drive}, {len(loaded.values)} states)")
     for line in describe(starts, data):
         click.echo(line)
+
+
+@skills.command()
+@click.argument("skill")
+@click.option("--games", type=click.IntRange(min=1, max=100), default=5, show_default=True, help="How many trials.")
+@click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=7, show_default=True)
+@click.option("--starts", type=click.Choice(["in-view", "anywhere"]), default="in-view", show_default=True)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="File to write: .html, .mp4 or .gif; by default NAME.html.",
+)
+@output_options
+def watch(*, skill: str, games: int, seed: int, starts: str, out: Path | None, as_json: bool, quiet: bool) -> None:
+    """Watch trials of a skill: the first of those that 'coevo skills evaluate' counts with the same seed and starts.
+
+    SKILL is the name of an installed skill or the path of a skill file.
+
+    \b
+    Example: coevo skills watch shoot
+             coevo skills watch runs/skills/shoot-seed5/skill.npz --starts anywhere --out shoot.mp4
+    """
+    from behaviors.watching import skill_recording
+    from coevo.replay import check_video, write_video
+
+    loaded, recipe = _with_recipe(skill)
+    out = Path(f"{loaded.name}.html") if out is None else out
+    check_video(out)
+    tell_compiling(quiet=quiet)
+    recording = skill_recording(recipe, loaded, games=games, seed=seed, starts=starts)
+    write_video(out, recording)
+    won = sum(take.point == 0 for take in recording.takes)
+    data = {"name": loaded.name, "starts": starts, "games": games, "succeeded": won, "written": str(out)}
+    show(data, f"{won} of {games} trials succeeded\nWritten: {out}", as_json=as_json)
+
+
+def _with_recipe(skill: str) -> tuple[Skill, Recipe]:
+    """Return a skill with the recipe that it was learned by."""
+    from behaviors.recipe import Recipe
+    from coevo.config import check
+    from coevo.skill import load_skill
+
+    loaded = load_skill(skill)
+    return loaded, check(Recipe, dict(loaded.about.get("recipe", {})), f"the recipe in {skill}")

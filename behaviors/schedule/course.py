@@ -5,7 +5,8 @@ Where a set stands can be kept in a file and gone on with; it ends as if it had 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,14 +20,15 @@ from behaviors.schedule.agents import NAMES, PERIODS, Agent, Duty, Period, new_a
 from behaviors.schedule.keeping import pack_agent, unpack_agent
 from behaviors.schedule.models import error_trace, exchange, prediction_errors, renew_models, stored_windows
 from behaviors.schedule.recipe import Schedule, transfer_world
-from behaviors.schedule.scene import first_table, pair_scene, run_trials_of
+from behaviors.schedule.scene import first_table, no_start_of, pair_scene, run_trials_of
 from behaviors.schedule.transfer import learner_elsewhere, run_elsewhere
 from behaviors.tabular.qlearning import make_learner
 from behaviors.trials.kernels import Results
-from behaviors.trials.scene import Scene
+from behaviors.trials.scene import Scene, Watched
 from behaviors.trials.task import PASSER
 from coevo.errors import InputError
 from coevo.seeds import SetStream, game_seeds
+from coevo.skill import Skill
 from coevo.stage import LEARNER, RANDOM, SKILL
 
 __all__ = ["Course", "measured"]
@@ -255,6 +257,26 @@ class Course:
             agent.store.written[0] = 0
         scene = self._scene((SKILL, SKILL), stores=(True, True))
         return run_trials_of(scene, self.schedule, self.seed, (SetStream.AFTERWARDS,), games)
+
+    def watch_afterwards(self, skills: Sequence[Skill], games: int) -> list[Watched]:
+        """Return every step of the first trials of ``afterwards``, with what both robots had learned by then.
+
+        Args:
+            skills: of passer and shooter, from the files of a finished set.
+            games: how many.
+
+        Raises:
+            InputError: no start was found.
+        """
+        agents = [
+            dataclasses.replace(agent, models=skill.objects, values=skill.values, old=None)
+            for agent, skill in zip(self.agents, skills, strict=True)
+        ]
+        scene = pair_scene(self.schedule, self.schedule.world, (agents[0], agents[1]), (SKILL, SKILL))
+        watched = scene.watch(game_seeds(self.seed, SetStream.AFTERWARDS, count=games))
+        if watched is None:
+            raise no_start_of(self.schedule)
+        return watched
 
     def _gather(self, period: Period) -> None:
         """Let robots that will make models act at random until they have seen enough of each object.

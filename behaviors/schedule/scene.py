@@ -21,7 +21,7 @@ from coevo.soccer.events import event_params
 from coevo.soccer.placement import regions
 from coevo.stage import LEARNER
 
-__all__ = ["first_table", "pair_scene", "run_trials_of"]
+__all__ = ["first_table", "no_start_of", "pair_scene", "run_trials_of"]
 
 
 def first_table(agent: Agent, schedule: Schedule) -> Table:
@@ -112,7 +112,10 @@ def run_trials_of(
     """
     found = scene.run(game_seeds(seed, *stream, count=count, first=first), first=first, total=total)
     if found is None:
-        raise InputError(
-            f"{schedule.name}: no start was found; widen the rectangles of [starts], or set in_view = false"
-        )
+        raise no_start_of(schedule)
     return found
+
+
+def no_start_of(schedule: Schedule) -> InputError:
+    """Return what is to be raised where no start of a trial was found."""
+    return InputError(f"{schedule.name}: no start was found; widen the rectangles of [starts], or set in_view = false")

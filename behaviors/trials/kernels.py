@@ -18,13 +18,14 @@ from behaviors.trials.minds import Minds, decisions_of, learner_of, table_of
 from behaviors.trials.starts import start_one, start_two
 from behaviors.trials.task import AVOID, CHANNELS, FAILURE, PASS_AND_SHOOT, SUCCESS, Tally, TaskParams, judge
 from coevo.compiled import borrowed, entry, helper, inlined
-from coevo.skill.estimate import discrete_state, remember
+from coevo.skill.estimate import remember
 from coevo.soccer.camera import FEATURES
 from coevo.soccer.rng import below, uniform
 from coevo.stage.data import Stage
-from coevo.stage.kernels import begin, drive, new_state, sense, start_action, step
+from coevo.stage.kernels import begin, drive, new_state, sense, start_action, state_of_skill, step
 from coevo.stage.loop import GOING, run_episode
 from coevo.stage.roles import CHASER, INFORMED, LEARNER, ROAMER, SKILL, STANDING, follow_script
+from coevo.stage.tape import Tape, is_taping, record_choice, record_state
 
 __all__ = ["Results", "Trial", "act", "begin_trial", "end_trial", "judge_trial", "run_trials", "take_in"]
 
@@ -36,6 +37,7 @@ class Trial(NamedTuple):
 
     regions: (3, 6), where the bodies of a task of two start, see coevo.soccer.placement.
     progress: (1,) float64, share of the trials that are done: the beta of (3.10); it sets epsilon too.
+    tape: of the latest trial.
     """
 
     stage: Stage
@@ -44,6 +46,7 @@ class Trial(NamedTuple):
     tally: Tally
     regions: NDArray[np.float64]
     progress: NDArray[np.float64]
+    tape: Tape
 
 
 class Results(NamedTuple):
@@ -125,6 +128,8 @@ def _begin(trial: Trial, number: int, total: int, rng: NDArray[np.uint64]) -> bo
     begin(trial.stage, rng)
     if trial.task.task != PASS_AND_SHOOT:
         _cast_other(trial, rng)
+    if is_taping(trial.tape):
+        record_state(trial.tape, trial.stage, 0)
     tally.trial[0], tally.passes[0] = number, 0
     for robot in range(trial.stage.roles.role.shape[0]):
         learner = learner_of(minds, robot)
@@ -157,11 +162,6 @@ def _see(trial: Trial, time: int, rng: NDArray[np.uint64]) -> None:
         _keep(trial)
 
 
-@helper
-def _state(stage: Stage, skill: int, robot: int, time: int) -> int:
-    return int(discrete_state(stage.memory, stage.bank, skill, robot, time))
-
-
 @inlined
 def _choose(trial: Trial, robot: int, time: int, rng: NDArray[np.uint64]) -> int:
     """Return the action of a robot that learns, or acts by what it has learned: the one under way, or a new one."""
@@ -177,7 +177,7 @@ def _choose(trial: Trial, robot: int, time: int, rng: NDArray[np.uint64]) -> int
         elif learning:
             reused, old = minds.old[robot], -1
             if reused >= 0:
-                old = int(bank.policy[bank.first[reused] + _state(stage, reused, robot, time)])
+                old = int(bank.policy[bank.first[reused] + state_of_skill(stage, robot, reused, time)])
             learner, table, decisions = learner_of(minds, robot), table_of(minds, robot), decisions_of(minds, robot)
             epsilon = minds.epsilon[robot]
             action = decide(learner, table, decisions, now, known, old, epsilon, trial.progress[0], rng)
@@ -192,10 +192,12 @@ def _choose(trial: Trial, robot: int, time: int, rng: NDArray[np.uint64]) -> int
 
 @inlined
 def _act(trial: Trial, time: int, rng: NDArray[np.uint64]) -> None:
-    stage = trial.stage
+    stage, tape = trial.stage, trial.tape
+    taping = is_taping(tape)
     for robot in range(stage.roles.role.shape[0]):
-        role = stage.roles.role[robot]
+        role, skill = stage.roles.role[robot], -1
         if role in (LEARNER, SKILL):
+            skill = int(stage.roles.skill[robot])
             action = _choose(trial, robot, time, rng)
         elif role == INFORMED:
             action = informed_action(trial.task, stage.physics, stage.body.state, stage.drive.commands)
@@ -205,7 +207,11 @@ def _act(trial: Trial, time: int, rng: NDArray[np.uint64]) -> None:
             action = follow_script(stage, robot, rng)
         if action >= 0:
             drive(stage, robot, action, rng)
+        if taping:
+            record_choice(tape, stage, robot, time, skill, action, -1)
     step(stage, time)
+    if taping:
+        record_state(tape, stage, time + 1)
 
 
 @inlined
@@ -242,7 +248,7 @@ def _end(trial: Trial, ends: int, time: int) -> None:
         if _is_learning(trial, robot):
             table, last = table_of(minds, robot), -1
             if ends == GOING:
-                last = row_of(table, _state(stage, stage.roles.skill[robot], robot, time))
+                last = row_of(table, state_of_skill(stage, robot, stage.roles.skill[robot], time))
             learner, decisions = learner_of(minds, robot), decisions_of(minds, robot)
             end_decisions(learner, table, decisions, last, ends not in (GOING, SUCCESS))
 

@@ -17,9 +17,10 @@ from coevo.config import WorldSettings
 from coevo.skill import SkillBank
 from coevo.soccer.events import EventParams
 from coevo.soccer.world import World
-from coevo.stage import Venue, make_venue
+from coevo.stage import Trace, Venue, make_venue
+from coevo.stage.tape import blank_tape, no_tape, trace_of
 
-__all__ = ["Part", "Scene", "make_scene", "no_results"]
+__all__ = ["Part", "Scene", "Watched", "make_scene", "no_results"]
 
 _worlds: dict[tuple[bytes, int], World] = {}
 
@@ -38,6 +39,19 @@ class Part:
     mate: int = -1
     sees: bool = True
     guesses: bool = True
+
+
+@dataclass(frozen=True)
+class Watched:
+    """One trial with every step of it.
+
+    trace: its steps. ends, passes: as in Results. roles: what each robot was in it, see coevo.stage.roles.
+    """
+
+    trace: Trace
+    ends: int
+    passes: int
+    roles: tuple[int, ...]
 
 
 @dataclass
@@ -85,6 +99,19 @@ class Scene:
             self.trial.minds.store.trial[0]
         )
         return found if ran == len(seeds) or gathered else None
+
+    def watch(self, seeds: NDArray[np.uint64]) -> list[Watched] | None:
+        """Run the trials that ``run`` runs, and keep every step of them; None if no start was found."""
+        watched = []
+        for number in range(len(seeds)):
+            tape, found = blank_tape(len(self.minds), self.time_limit), no_results(1)
+            taped, seed = self.trial._replace(tape=tape), seeds[number : number + 1]
+            if run_trials(taped, self.time_limit, number, len(seeds), seed, found) < 1:
+                return None
+            roles = tuple(self.venue.stage.roles.role.tolist())
+            trace = trace_of(tape, int(found.steps[0]))
+            watched.append(Watched(trace, int(found.ends[0]), int(found.passes[0]), roles))
+        return watched
 
 
 def no_results(trials: int) -> Results:
@@ -142,5 +169,6 @@ def make_scene(
         Tally(np.zeros((robots, CHANNELS)), *one),
         np.zeros((0, 6)) if regions is None else regions,
         np.zeros(1),
+        no_tape(),
     )
     return Scene(venue, minds, trial, time_limit)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 import numpy as np
@@ -14,12 +14,10 @@ from coevo.console import emit, note, output_options, table
 from coevo.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from coevo.run import Run
-    from coevo.tree import Program
+    from coevo.tree import Tree
     from coevo.tree.rules import Rule
     from coevo.usage import UsedTree
 
@@ -133,14 +131,16 @@ def _told(used: UsedTree) -> dict[str, Any]:
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--generation", type=click.IntRange(min=0), help="By default the last that is finished.")
-@click.option("--games", type=click.IntRange(min=1), default=20, show_default=True)
+@click.option("--games", type=click.IntRange(min=1), help="How many new games between the best.  [default: 20]")
 @click.option(
     "--seed",
     type=click.IntRange(min=0, max=2**63 - 1),
-    default=1,
-    show_default=True,
-    help="Of the games; they are never those of evolution.",
+    help="Of new games; they are never those of evolution.  [default: 1]",
 )
+@click.option(
+    "--group", type=click.IntRange(min=0), help="Instead: the games that a group played in evolution, once more."
+)
+@click.option("--game", type=click.IntRange(min=0), help="With --group: only this one of its games, from 0 on.")
 @click.option("--trace", type=click.Path(path_type=Path), help="Write every step to a CSV file.")
 @click.option("--video", type=click.Path(path_type=Path), help="Write a replay: .mp4, .gif or .html.")
 @output_options
@@ -148,8 +148,10 @@ def play(
     *,
     folder: Path,
     generation: int | None,
-    games: int,
-    seed: int,
+    games: int | None,
+    seed: int | None,
+    group: int | None,
+    game: int | None,
     trace: Path | None,
     video: Path | None,
     as_json: bool,
@@ -157,34 +159,44 @@ def play(
 ) -> None:
     """Play games between the best trees of a generation and say what happened.
 
+    With --group these are the games that evolution played with the trees of a group, step for step; the column group of
+    individuals.parquet says who was in which.
+
     \b
     Example: coevo play runs/smoke-seed0 --games 100 --seed 7
              coevo play runs/smoke-seed0 --games 3 --video replay.html
+             coevo play runs/smoke-seed0 --generation 2 --group 5 --game 0 --video replay.html
     """
     from coevo.config import RunSettings
     from coevo.game import prepare
+    from coevo.replay import check_video
     from coevo.run import open_run
-    from coevo.usage import last_generation, play_seeds
+    from coevo.usage import last_generation
 
     run = open_run(folder)
     generation = last_generation(run) if generation is None else generation
-    programs = best_programs(run, generation)
+    if group is None and game is None:
+        bill = _new_games(run, generation, 20 if games is None else games, 1 if seed is None else seed)
+    else:
+        bill = _old_games(run, generation, group, game, games, seed)
+    if video is not None:
+        check_video(video)
     prepare(run.config, lambda text: note(text, quiet=quiet))
     if isinstance(run.config, RunSettings):
-        counts, steps, digest = _play_soccer(run, programs, play_seeds(seed, games), trace, video)
+        counts, steps, digest = _play_soccer(run, bill, trace, video)
     elif trace is not None or video is not None:
         raise InputError("--trace and --video show games of soccer; this run is about another game")
     else:
-        counts, steps, digest = _play(run, programs, play_seeds(seed, games))
+        counts, steps, digest = _play(run, bill)
     robots = [role.name for role in run.game.roles]
-    result: dict[str, Any] = {"games": games, "generation": generation, "seed": seed}
+    result: dict[str, Any] = {"games": len(bill.seeds), "generation": generation, **bill.about}
     result |= {name: dict(zip(robots, values.tolist(), strict=True)) for name, values in counts.items()}
     result |= {"digest": digest} if steps is None else {"steps": steps, "digest": digest}
     if as_json:
         emit(result)
         return
     told = "" if steps is None else f", {steps} steps"
-    click.echo(f"{games} games between the best of generation {generation} (seed {seed}){told}:")
+    click.echo(f"{bill.said}{told}:")
     rows = [[robot, *(str(values[number]) for values in counts.values())] for number, robot in enumerate(robots)]
     click.echo(table(["robot", *counts], rows))
     for path in (trace, video):
@@ -192,11 +204,60 @@ def play(
             click.echo(f"Written: {path}")
 
 
-def _play(
-    run: Run, programs: Sequence[Program | None], seeds: NDArray[np.uint64]
-) -> tuple[dict[str, NDArray[np.int64]], int | None, str]:
+class _Bill(NamedTuple):
+    """What is played: trees, seeds and titles of games; what that is called, in words and as data."""
+
+    trees: list[Tree | None]
+    seeds: NDArray[np.uint64]
+    titles: list[str]
+    name: str
+    said: str
+    about: dict[str, int]
+
+
+def _new_games(run: Run, generation: int, games: int, seed: int) -> _Bill:
+    from coevo.usage import play_seeds
+
+    names = [run.evolving.get(role) for role in range(len(run.game.roles))]
+    return _Bill(
+        [None if name is None else run.tree(name, generation) for name in names],
+        play_seeds(seed, games),
+        [f"game {number + 1} of {games}" for number in range(games)],
+        f"{run.config.name}: the best of generation {generation}",
+        f"{games} games between the best of generation {generation} (seed {seed})",
+        {"seed": seed},
+    )
+
+
+def _old_games(
+    run: Run, generation: int, group: int | None, game: int | None, games: int | None, seed: int | None
+) -> _Bill:
+    from coevo.usage import group_trees, seeds_of_group
+
+    if group is None:
+        raise InputError(f"--game {game} is one of the games of a group: say which with --group")
+    for option, value in (("--seed", seed), ("--games", games)):
+        if value is not None:
+            raise InputError(
+                f"--group plays the games of evolution again, whose seeds and number are the run's; leave out {option}"
+            )
+    trees, seeds = group_trees(run, generation, group), seeds_of_group(run, generation, group, game)
+    name = f"group {group} of generation {generation}"
+    return _Bill(
+        trees,
+        seeds,
+        [f"game {number}" for number in (range(len(seeds)) if game is None else [game])],
+        f"{run.config.name}: {name}",
+        f"the {len(seeds)} games of {name}" if game is None else f"game {game} of {name}",
+        {"group": group} if game is None else {"group": group, "game": game},
+    )
+
+
+def _play(run: Run, bill: _Bill) -> tuple[dict[str, NDArray[np.int64]], int | None, str]:
     """Return what was counted of each role in all games together, and a digest of all that happened."""
-    played = run.game.play(programs, seeds)
+    from coevo.game import programs_of
+
+    played = run.game.play(programs_of(run.game, bill.trees), bill.seeds)
     digest = hashlib.sha256(np.ascontiguousarray(played.winner, "<i8").tobytes())
     for name in run.game.counts:
         digest.update(np.ascontiguousarray(played.counts[name], "<i8").tobytes())
@@ -204,28 +265,23 @@ def _play(
 
 
 def _play_soccer(
-    run: Run, programs: Sequence[Program | None], seeds: NDArray[np.uint64], trace: Path | None, video: Path | None
+    run: Run, bill: _Bill, trace: Path | None, video: Path | None
 ) -> tuple[dict[str, NDArray[np.int64]], int | None, str]:
     """Return what was counted as ``_play`` does, the number of steps, and a digest of all trajectories."""
-    from coevo.game import SoccerGame
-    from coevo.replay import trace_digest, write_trace, write_video
+    from coevo.game import SoccerGame, programs_of
+    from coevo.replay import game_recording, trace_digest, write_trace, write_video
 
     game = run.game
     assert isinstance(game, SoccerGame)
-    played = [game.arena.trace(programs, seed) for seed in seeds]
+    programs = programs_of(game, bill.trees)
+    played = [game.arena.trace(programs, seed) for seed in bill.seeds]
     traces = [seen for _, seen in played]
-    if trace is not None:
-        write_trace(trace, game.settings, traces)
-    if video is not None:
-        write_video(video, game.settings, traces)
+    if trace is not None or video is not None:
+        recording = game_recording(game.settings, traces, trees=bill.trees, name=bill.name, titles=bill.titles)
+        if trace is not None:
+            write_trace(trace, recording)
+        if video is not None:
+            write_video(video, recording)
     each = [game.played(outcome).counts for outcome, _ in played]
     counts = {name: np.sum([of_game[name][0] for of_game in each], axis=0) for name in game.counts}
     return counts, int(counts.pop("steps")[0]), trace_digest(traces)
-
-
-def best_programs(run: Run, generation: int) -> list[Program | None]:
-    """Return the programs of the best trees of a generation, None for roles without one."""
-    from coevo.game import programs_of
-
-    names = [run.evolving.get(role) for role in range(len(run.game.roles))]
-    return programs_of(run.game, [None if name is None else run.tree(name, generation) for name in names])

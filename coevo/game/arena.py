@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from coevo.compiled import is_compiled
 from coevo.config import PlayerSettings, RunSettings
 from coevo.errors import InputError
-from coevo.game.kernels import Match, Programs, Score, Tape, play
+from coevo.game.kernels import Match, Programs, Score, play
 from coevo.skill import SkillBank, check_world, load_skill, make_bank
 from coevo.soccer.conditions import condition_table
 from coevo.soccer.drive import action_set
 from coevo.soccer.events import event_params
 from coevo.soccer.placement import regions
-from coevo.stage import STANDING, TREE, make_venue
+from coevo.stage import STANDING, TREE, Trace, make_venue
+from coevo.stage.tape import Tape, blank_tape, no_tape, trace_of
 from coevo.tree import Program
 
 __all__ = ["Arena", "Outcome", "StartsDoNotFitError", "Trace", "load_bank", "warm_up"]
@@ -55,20 +56,6 @@ class Outcome:
         return int((self.scorer == team).sum())
 
 
-@dataclass(frozen=True)
-class Trace:
-    """Every step of one game.
-
-    states: (steps + 1, bodies, 6), from the start on; robots, then the ball.
-    skills: (steps, robots) int8, chosen in each step, -1 for a robot without a tree.
-    actions: (steps, robots) int8, action of the drive in each step, -1 likewise.
-    """
-
-    states: NDArray[np.float64]
-    skills: NDArray[np.int8]
-    actions: NDArray[np.int8]
-
-
 class Arena:
     """A world with everything that games of one setting need; keep one for each thread.
 
@@ -104,17 +91,13 @@ class Arena:
             ValueError: a robot that evolves has no program, or one that stands has one.
             StartsDoNotFitError: the bodies do not fit into the regions where they start.
         """
-        nothing = np.zeros((0, 0), np.int8)
-        return self._run(programs, seeds, Tape(np.zeros((0, 0, 0)), nothing, nothing))
+        return self._run(programs, seeds, no_tape())
 
     def trace(self, programs: Sequence[Program | None], seed: np.uint64) -> tuple[Outcome, Trace]:
         """Play one game and keep every step of it."""
-        robots, limit = len(self.settings.players), self.settings.game.time_limit_steps
-        states = np.zeros((limit + 1, robots + 1, 6))
-        skills, actions = np.zeros((limit, robots), np.int8), np.zeros((limit, robots), np.int8)
-        outcome = self._run(programs, np.array([seed], np.uint64), Tape(states, skills, actions))
-        steps = int(outcome.steps[0])
-        return outcome, Trace(states[: steps + 1], skills[:steps], actions[:steps])
+        tape = blank_tape(len(self.settings.players), self.settings.game.time_limit_steps)
+        outcome = self._run(programs, np.array([seed], np.uint64), tape)
+        return outcome, trace_of(tape, int(outcome.steps[0]))
 
     def _run(self, programs: Sequence[Program | None], seeds: NDArray[np.uint64], tape: Tape) -> Outcome:
         robots, games = len(self.settings.players), len(seeds)

@@ -15,8 +15,9 @@ from coevo.stage.data import Stage
 from coevo.stage.kernels import begin, drive, sense, step, use_skill
 from coevo.stage.loop import run_episode
 from coevo.stage.roles import STANDING, TREE, follow_script
+from coevo.stage.tape import Tape, is_taping, record_choice, record_state
 
-__all__ = ["Match", "Programs", "Score", "Tape", "play"]
+__all__ = ["Match", "Programs", "Score", "play"]
 
 
 class Programs(NamedTuple):
@@ -32,18 +33,6 @@ class Programs(NamedTuple):
     second: NDArray[np.int32]
     start: NDArray[np.int64]
     steps: NDArray[np.int64]
-
-
-class Tape(NamedTuple):
-    """Every step of one game, where the arrays are not empty.
-
-    states: (time limit + 1, bodies, 6) float64, from the start on.
-    skills, actions: (time limit, robots) int8, chosen in each step, -1 for a robot that chooses none.
-    """
-
-    states: NDArray[np.float64]
-    skills: NDArray[np.int8]
-    actions: NDArray[np.int8]
 
 
 class Match(NamedTuple):
@@ -89,15 +78,6 @@ def _walk(match: Match, robot: int) -> int:
 
 
 @inlined
-def _record_state(match: Match, time: int) -> None:
-    # Number by number: to assign a whole array numba compiles all of its error messages.
-    state = match.stage.body.state
-    for body in range(state.shape[0]):
-        for k in range(state.shape[1]):
-            match.tape.states[time, body, k] = state[body, k]
-
-
-@inlined
 def _see(match: Match, time: int, rng: NDArray[np.uint64]) -> None:
     sense(match.stage, time, rng)
 
@@ -105,9 +85,9 @@ def _see(match: Match, time: int, rng: NDArray[np.uint64]) -> None:
 @inlined
 def _act(match: Match, time: int, rng: NDArray[np.uint64]) -> None:
     stage, programs, tape = match.stage, match.programs, match.tape
-    tracing = tape.states.shape[0] > 0
+    taping = is_taping(tape)
     for robot in range(stage.roles.role.shape[0]):
-        role, skill, action = stage.roles.role[robot], -1, -1
+        role, skill, action, leaf = stage.roles.role[robot], -1, -1, -1
         if role == TREE:
             leaf = _walk(match, robot)
             programs.steps[leaf] += 1
@@ -117,11 +97,12 @@ def _act(match: Match, time: int, rng: NDArray[np.uint64]) -> None:
             action = follow_script(stage, robot, rng)
         if action >= 0:
             drive(stage, robot, action, rng)
-        if tracing:
-            tape.skills[time, robot], tape.actions[time, robot] = skill, action
+        if taping:
+            leaf = int(leaf - programs.start[robot]) if leaf >= 0 else -1
+            record_choice(tape, stage, robot, time, skill, action, leaf)
     match.scored[0] = step(stage, time)
-    if tracing:
-        _record_state(match, time + 1)
+    if taping:
+        record_state(tape, stage, time + 1)
 
 
 @inlined
@@ -149,8 +130,8 @@ def play(match: Match, time_limit: int, regions: NDArray[np.float64], seeds: NDA
         if not place(stage.physics, regions, stage.roles.team, state, rng):
             return False
         begin(stage, rng)
-        if match.tape.states.shape[0] > 0:
-            _record_state(match, 0)
+        if is_taping(match.tape):
+            record_state(match.tape, stage, 0)
         standing, score.steps[game] = run_episode(match, time_limit, rng, _see, _act, _judge)
         score.winner[game] = standing - 1
         for robot in range(stage.roles.role.shape[0]):

@@ -15,7 +15,8 @@ from coevo.soccer.field import walls
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from coevo.config import RunSettings
+    from coevo.config import WorldSettings
+    from coevo.replay.recording import Recording
 
 __all__ = ["Painter", "draw_frame", "frame_size"]
 
@@ -28,57 +29,56 @@ _SIGHT_OPACITY = 0.13
 _LIGHT = 140.0
 
 
-def frame_size(settings: RunSettings, width: int) -> tuple[int, int]:
+def frame_size(world: WorldSettings, width: int) -> tuple[int, int]:
     """Return (width, height) [px] of a frame that the field fills, both even as video codecs want them."""
-    field = settings.world.field
-    height = width * (field.width_m + 2.0 * field.wall_thickness_m) / _length_over_all(settings) + _header(width)
+    field = world.field
+    height = width * (field.width_m + 2.0 * field.wall_thickness_m) / _length_over_all(world) + _header(width)
     return width - width % 2, 2 * math.ceil(0.5 * height)
 
 
 def draw_frame(
-    settings: RunSettings,
+    recording: Recording,
     state: ArrayLike,
-    skills: ArrayLike,
+    chosen: ArrayLike,
     size: tuple[int, int],
     *,
     caption: tuple[str, str] = ("", ""),
 ) -> Image:
-    """Draw one moment of a game from above; the blue goal, at x = 0, is on the left.
+    """Draw one moment of a game or trial from above; the blue goal, at x = 0, is on the left.
 
     Args:
-        settings: the experiment.
+        recording: that it is of.
         state: (bodies, 6) float64, robots then the ball, as in a Trace.
-        skills: (robots,), the number of the skill each robot chooses, -1 for none.
+        chosen: (robots,), the number of what each robot is labelled with, -1 for nothing.
         size: width and height of the picture [px]; ``frame_size`` gives those that fit.
         caption: what is written at the top, left and right.
 
     Returns:
         (height, width, 3) uint8, BGR.
     """
-    return Painter(settings, size).draw(state, skills, caption)
+    return Painter(recording, size).draw(state, chosen, caption)
 
 
 class Painter:
     """Draws many frames of one size; what never moves is drawn once.
 
     Args:
-        settings: the experiment.
+        recording: what is shown.
         size: width and height of the pictures [px].
     """
 
-    def __init__(self, settings: RunSettings, size: tuple[int, int]) -> None:
-        self.settings = settings
+    def __init__(self, recording: Recording, size: tuple[int, int]) -> None:
+        self._actors, self._world = recording.actors, recording.world
         width, height = size
-        field = settings.world.field
+        field = self._world.field
         self._header = _header(width)
         over_all = field.width_m + 2.0 * field.wall_thickness_m
-        self._scale = min(width / _length_over_all(settings), (height - self._header) / over_all)
+        self._scale = min(width / _length_over_all(self._world), (height - self._header) / over_all)
         self._left = 0.5 * (width - self._scale * field.length_m)
         self._bottom = self._header + 0.5 * (height - self._header + self._scale * field.width_m)
         self._text_scale = max(0.32, width / 1600.0)
-        self._sight = np.array(scene.seen_floor(settings.world.camera))
-        self._names = scene.robot_names(settings)
-        self._skills = scene.skill_colours(settings)
+        self._sight = np.array(scene.seen_floor(self._world.camera))
+        self._labels = scene.labels(recording)
         self._background = np.empty((height, width, 3), np.uint8)
         self._draw_background()
 
@@ -89,7 +89,7 @@ class Painter:
         return np.round((pixels - 0.5) * (1 << _SHIFT)).astype(np.int32)  # OpenCV counts from the pixel's centre
 
     def _draw_background(self) -> None:
-        field, image = self.settings.world.field, self._background
+        field, image = self._world.field, self._background
         image[:] = _bgr(scene.SURROUND)
         length, depth = field.length_m, field.goal_depth_m
         low, high = 0.5 * (field.width_m - field.goal_width_m), 0.5 * (field.width_m + field.goal_width_m)
@@ -119,31 +119,31 @@ class Painter:
         for post in self._px([start, end]).tolist():
             cv2.circle(self._background, post, radius, _bgr(scene.WALL), cv2.FILLED, cv2.LINE_AA, _SHIFT)
 
-    def draw(self, state: ArrayLike, skills: ArrayLike, caption: tuple[str, str]) -> Image:
+    def draw(self, state: ArrayLike, choices: ArrayLike, caption: tuple[str, str]) -> Image:
         """Draw one moment; arguments as of ``draw_frame``."""
         image = self._background.copy()
         poses = np.asarray(state, np.float64)[:, :3]
         self._draw_sight(image, poses[:-1])
         robots = poses[:-1].tolist()
-        for chosen, (x, y, _) in zip(np.asarray(skills).tolist(), robots, strict=True):
+        for chosen, (x, y, _) in zip(np.asarray(choices).tolist(), robots, strict=True):
             if chosen >= 0:
-                name, colour = self._skills[chosen]
-                self._draw_skill(image, name, colour, x, y)
+                name, colour = self._labels[chosen]
+                self._draw_label(image, name, colour, x, y)
         for number, (x, y, heading) in enumerate(robots):  # on top: a label never hides where a body is
             self._draw_robot(image, number, x, y, heading)
-        self._disc(image, poses[-1, :2], self.settings.world.ball.radius_m, scene.BALL)
+        self._disc(image, poses[-1, :2], self._world.ball.radius_m, scene.BALL)
         self._write_caption(image, caption)
         return image
 
     def _draw_sight(self, image: Image, robots: NDArray[np.float64]) -> None:
         if not len(self._sight):
             return
-        field = self.settings.world.field
+        field = self._world.field
         (left, bottom), (right, top) = self._px([(0.0, 0.0), (field.length_m, field.width_m)]) >> _SHIFT
         floor = image[top:bottom, left:right]
         seen = floor.copy()
-        for (x, y, heading), player in zip(robots.tolist(), self.settings.players, strict=True):
-            if player.control == "evolve":
+        for (x, y, heading), actor in zip(robots.tolist(), self._actors, strict=True):
+            if actor.sees:
                 cosine, sine = math.cos(heading), math.sin(heading)
                 corners = self._sight @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y)
                 inside = self._px(corners) - (np.array([left, top]) << _SHIFT)
@@ -155,20 +155,20 @@ class Painter:
         cv2.circle(image, self._px(at).tolist(), radius, _bgr(colour), cv2.FILLED, cv2.LINE_AA, _SHIFT)
 
     def _draw_robot(self, image: Image, number: int, x: float, y: float, heading: float) -> None:
-        radius, colour = self.settings.world.robot.radius_m, scene.ROBOT_COLOURS[number]
+        radius, colour = self._world.robot.radius_m, scene.ROBOT_COLOURS[number]
         turned = np.array([heading - 0.45, heading, heading + 0.45])
         nose = np.array([0.95, 1.45, 0.95]) * radius
         corners = np.stack([x + nose * np.cos(turned), y + nose * np.sin(turned)], -1)
         cv2.fillConvexPoly(image, self._px(corners), _bgr(scene.PAPER), cv2.LINE_AA, _SHIFT)
-        self._disc(image, (x, y), radius, scene.TEAM_COLOURS[self.settings.players[number].team])
+        self._disc(image, (x, y), radius, scene.TEAM_COLOURS[self._actors[number].team])
         self._disc(image, (x, y), 0.8 * radius, colour)
         scale = max(0.3, 0.9 * self._text_scale)
-        self._write(image, self._names[number], self._centre(x, y), scale, _ink_on(colour))
+        self._write(image, self._actors[number].name, self._centre(x, y), scale, _ink_on(colour))
 
-    def _draw_skill(self, image: Image, skill: str, colour: str, x: float, y: float) -> None:
+    def _draw_label(self, image: Image, text: str, colour: str, x: float, y: float) -> None:
         scale = 0.85 * self._text_scale
-        (width, height), _ = cv2.getTextSize(skill, _FONT, scale, 1)
-        below = self.settings.world.robot.radius_m * self._scale + 0.9 * height
+        (width, height), _ = cv2.getTextSize(text, _FONT, scale, 1)
+        below = self._world.robot.radius_m * self._scale + 0.9 * height
         centre_x, centre_y = self._centre(x, y)
         pad = 0.4 * height
         lowest = image.shape[0] - height - pad
@@ -178,7 +178,7 @@ class Painter:
             (centre_x + 0.5 * width + pad, down + 0.5 * height + pad),
         )
         cv2.rectangle(image, _whole(low), _whole(high), _bgr(colour), cv2.FILLED)
-        self._write(image, skill, (centre_x, down), scale, scene.INK)
+        self._write(image, text, (centre_x, down), scale, scene.INK)
 
     def _centre(self, x: float, y: float) -> tuple[float, float]:
         return self._left + self._scale * x, self._bottom - self._scale * y
@@ -197,8 +197,8 @@ class Painter:
             self._write(image, text, (x, 0.5 * self._header), self._text_scale, scene.PAPER)
 
 
-def _length_over_all(settings: RunSettings) -> float:
-    field = settings.world.field
+def _length_over_all(world: WorldSettings) -> float:
+    field = world.field
     return field.length_m + 2.0 * (field.goal_depth_m + field.wall_thickness_m)
 
 

@@ -1,17 +1,16 @@
-"""What every picture of a game shows: colours, names, what a robot sees of the floor, how a game ended."""
+"""What every picture shows: colours, words for actions, what a robot sees of the floor."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
+from coevo.soccer.drive import action_set
 from coevo.tree.draw import terminal_colours
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from coevo.config import CameraSettings, RunSettings
-    from coevo.game import Trace
+    from coevo.config import CameraSettings, RobotSettings
+    from coevo.replay.recording import Recording
 
 __all__ = [
     "BALL",
@@ -20,53 +19,49 @@ __all__ = [
     "PAPER",
     "ROBOT_COLOURS",
     "SURROUND",
-    "TEAMS",
     "TEAM_COLOURS",
     "WALL",
-    "robot_names",
-    "score_before",
+    "action_labels",
+    "labels",
     "seen_floor",
-    "skill_colours",
-    "winner",
+    "skill_labels",
 ]
 
-# A team is named after the goal it defends: team 0 the blue one at x = 0, team 1 the yellow one.
-TEAMS = ("blue", "yellow")
+Label = tuple[str, str]  # a name and its colour
+
 TEAM_COLOURS = ("#1d5fe0", "#f7c800")
 ROBOT_COLOURS = ("#8b5cf6", "#f472b6", "#f1f5f9", "#8a4b14", "#1f2937", "#22d3ee")
 BALL, FLOOR, WALL, SURROUND, INK, PAPER = "#e01b24", "#2f7148", "#f4f4f0", "#20262b", "#101418", "#f2f4f5"
 
+# By the code of an action, speed and turn: the hue says where to, the lightness how fast.
+_ACTIONS: dict[tuple[int, int], Label] = {
+    (1, 1): ("ahead left", "#f28e2b"),
+    (1, 0): ("ahead", "#59c08a"),
+    (1, -1): ("ahead right", "#56a3e8"),
+    (0, 1): ("turn left", "#ffc88a"),
+    (0, 0): ("stand", "#d9d9d9"),
+    (0, -1): ("turn right", "#a9d3f7"),
+    (-1, 1): ("back left", "#c9783a"),
+    (-1, 0): ("back", "#9a9a9a"),
+    (-1, -1): ("back right", "#7f95c9"),
+}
+
 _SIGHT_M = 2.0  # the robot sees farther; a longer wedge would hide the game
 
 
-def robot_names(settings: RunSettings) -> list[str]:
-    """Return r0, r1, ... for the players."""
-    return [f"r{number}" for number in range(len(settings.players))]
+def skill_labels(recording: Recording) -> list[Label]:
+    """Return name and colour of each skill."""
+    return list(terminal_colours(recording.skills).items())
 
 
-def skill_colours(settings: RunSettings) -> list[tuple[str, str]]:
-    """Return name and colour of each terminal, in their order."""
-    return list(terminal_colours(settings.terminals).items())
+def action_labels(robot: RobotSettings) -> list[Label]:
+    """Return words and a colour for each action of a drive; with 4-wheel steering left and right are the wheels'."""
+    return [_ACTIONS[int(speed), int(turn)] for speed, turn in action_set(robot).codes.tolist()]
 
 
-def winner(settings: RunSettings, trace: Trace) -> int:
-    """Return the team that scored, -1 if time ran out."""
-    x = float(trace.states[-1, -1, 0])
-    if x > settings.world.field.length_m:
-        return 0
-    return 1 if x < 0.0 else -1
-
-
-def score_before(settings: RunSettings, traces: Sequence[Trace]) -> list[tuple[int, int]]:
-    """Return the goals of both teams before each game, and after the last one."""
-    goals = [0, 0]
-    scores = [(0, 0)]
-    for trace in traces:
-        team = winner(settings, trace)
-        if team >= 0:
-            goals[team] += 1
-        scores.append((goals[0], goals[1]))
-    return scores
+def labels(recording: Recording) -> list[Label]:
+    """Return name and colour of what robots are labelled with."""
+    return skill_labels(recording) if recording.shows == "skills" else action_labels(recording.world.robot)
 
 
 def seen_floor(camera: CameraSettings) -> list[tuple[float, float]]:

@@ -10,20 +10,19 @@ import numpy as np
 import pandas as pd
 
 from coevo.replay.files import whole_file
-from coevo.replay.scene import robot_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from coevo.config import RunSettings
-    from coevo.game import Trace
+    from coevo.replay.recording import Recording
+    from coevo.stage import Trace
 
 __all__ = ["trace_digest", "write_trace"]
 
 _COLUMNS = ["game", "step", "body", "x_m", "y_m", "heading_rad", "skill"]
 
 
-def write_trace(path: str | Path, settings: RunSettings, traces: Sequence[Trace]) -> None:
+def write_trace(path: str | Path, recording: Recording) -> None:
     """Write a row for each game, step and body as CSV: where it is and which skill it chooses there.
 
     Step 0 is the start. ``skill`` is empty for the ball, for a robot without a tree and in the last state.
@@ -32,27 +31,26 @@ def write_trace(path: str | Path, settings: RunSettings, traces: Sequence[Trace]
 
     Args:
         path: the file to write, whole or not at all.
-        settings: the experiment that the games belong to.
-        traces: one for each game.
+        recording: the games.
 
     Raises:
         InputError: the file cannot be written.
     """
-    bodies = np.array([*robot_names(settings), "ball"])
+    bodies = np.array([*(actor.name for actor in recording.actors), "ball"])
     with whole_file(Path(path)) as partial, partial.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(_COLUMNS) + "\n")
-        for game, trace in enumerate(traces):
-            _rows(game, bodies, list(settings.terminals), trace).to_csv(
+        for game, trace in enumerate(recording.traces):
+            _rows(game, bodies, list(recording.skills), trace).to_csv(
                 file, header=False, index=False, lineterminator="\n"
             )
 
 
 def _rows(
-    game: int, bodies: np.ndarray[tuple[int], np.dtype[np.str_]], terminals: Sequence[str], trace: Trace
+    game: int, bodies: np.ndarray[tuple[int], np.dtype[np.str_]], skills: Sequence[str], trace: Trace
 ) -> pd.DataFrame:
     states, count, _ = trace.states.shape
-    skills = np.full((states, count), -1)
-    skills[:-1, :-1] = trace.skills
+    chosen = np.full((states, count), -1)
+    chosen[:-1, :-1] = trace.skills
     x, y, heading = trace.states[:, :, :3].reshape(-1, 3).T
     columns = [
         np.full(states * count, game),
@@ -61,7 +59,7 @@ def _rows(
         x,
         y,
         heading,
-        np.array([*terminals, ""], object)[skills].ravel(),  # -1 is the last
+        np.array([*skills, ""], object)[chosen].ravel(),  # -1 is the last
     ]
     return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
 

@@ -14,17 +14,15 @@ from coevo.errors import InputError
 from coevo.replay.files import whole_file
 from coevo.replay.frame import Painter, frame_size
 from coevo.replay.page import make_page
-from coevo.replay.scene import TEAMS, score_before, winner
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from coevo.config import RunSettings
-    from coevo.game import Trace
+    from coevo.replay.recording import Recording
 
-__all__ = ["write_video"]
+__all__ = ["check_video", "write_video"]
 
 # MPEG-4 plays in every desktop player and encodes 20 times faster than VP9; for browsers there is the page.
 _CODEC = "mp4v"
@@ -44,10 +42,21 @@ class _Moment(NamedTuple):
     last: bool
 
 
+def check_video(path: Path) -> None:
+    """Refuse a file that cannot become a video, before anything is done for it.
+
+    Raises:
+        InputError: its suffix is unknown, or there is no folder for it.
+    """
+    if path.suffix.lower() not in _WRITERS:
+        raise InputError(f"expected a video file ending in {', '.join(_WRITERS)}, got {path.name}")
+    if not path.parent.exists():
+        raise InputError(f"cannot write {path}: there is no folder {path.parent}; make it first")
+
+
 def write_video(
     path: str | Path,
-    settings: RunSettings,
-    traces: Sequence[Trace],
+    recording: Recording,
     *,
     fps: float = 30.0,
     width: int | None = None,
@@ -58,8 +67,7 @@ def write_video(
 
     Args:
         path: the file to write, whole or not at all; its suffix decides.
-        settings: the experiment that the games belong to.
-        traces: at least one game.
+        recording: at least one game or trial.
         fps: frames a second of an MP4, in real time.
         width: of the picture [px]: 720 unless told, 480 for a GIF; a page takes the width it finds.
 
@@ -67,37 +75,35 @@ def write_video(
         InputError: the suffix is unknown, the file cannot be written, or this OpenCV cannot write the format.
     """
     path = Path(path)
-    writers = {".mp4": _write_mp4, ".gif": _write_gif, ".html": _write_page}
-    if path.suffix.lower() not in writers:
-        raise InputError(f"expected a video file ending in {', '.join(writers)}, got {path.name}")
-    if not traces:
+    check_video(path)
+    if not recording.takes:
         raise InputError("expected at least one game to show, got none")
     if width is not None and width not in _WIDTHS:
         raise InputError(f"expected a width from {_WIDTHS[0]} to {_WIDTHS[-1]} px, got {width}")
     if not _RATES[0] <= fps <= _RATES[-1]:
         raise InputError(f"expected {_RATES[0]} to {_RATES[-1]} frames a second, got {fps:g}")
-    writers[path.suffix.lower()](path, settings, traces, fps, width)
+    _WRITERS[path.suffix.lower()](path, recording, fps, width)
 
 
-def _write_page(path: Path, settings: RunSettings, traces: Sequence[Trace], _fps: float, _width: int | None) -> None:
-    page = make_page(settings, traces)
+def _write_page(path: Path, recording: Recording, _fps: float, _width: int | None) -> None:
+    page = make_page(recording)
     with whole_file(path) as partial:
         partial.write_text(page, encoding="utf-8")
 
 
-def _write_mp4(path: Path, settings: RunSettings, traces: Sequence[Trace], fps: float, width: int | None) -> None:
-    size = frame_size(settings, width or 720)
-    moments = list(_moments(traces, 1.0 / (fps * settings.world.physics.step_s)))
+def _write_mp4(path: Path, recording: Recording, fps: float, width: int | None) -> None:
+    size = frame_size(recording.world, width or 720)
+    moments = list(_moments(recording, 1.0 / (fps * recording.world.physics.step_s)))
     hold = round(_HOLD_S * fps)
     with whole_file(path) as partial:
         writer = _open_writer(partial, fps, size)
         try:
-            for moment, frame in zip(moments, _frames(settings, traces, moments, size), strict=True):
+            for moment, frame in zip(moments, _frames(recording, moments, size), strict=True):
                 for _ in range(1 + hold * moment.last):
                     writer.write(frame)
         finally:
             writer.release()
-        written, expected = _count_frames(partial), len(moments) + hold * len(traces)
+        written, expected = _count_frames(partial), len(moments) + hold * len(recording.takes)
         if written != expected:  # OpenCV's writer reports nothing, not even a full disk
             raise InputError(
                 f"cannot write {path}: {written} of {expected} frames arrived; is there space on the disk?"
@@ -121,21 +127,21 @@ def _count_frames(path: Path) -> int:
         reader.release()
 
 
-def _write_gif(path: Path, settings: RunSettings, traces: Sequence[Trace], _fps: float, width: int | None) -> None:
+def _write_gif(path: Path, recording: Recording, _fps: float, width: int | None) -> None:
     if not hasattr(cv2, "imencodeanimation"):
         raise InputError(
             f"OpenCV {cv2.__version__} writes no GIF;"
             " install opencv-python-headless 4.12 or newer, or write .html or .mp4"
         )
-    size = frame_size(settings, width or 480)
-    steps = sum(len(trace.skills) for trace in traces)
+    size = frame_size(recording.world, width or 480)
+    steps = sum(len(trace.skills) for trace in recording.traces)
     stride = max(_GIF_STRIDE, math.ceil(steps / _GIF_FRAMES))
-    moments = list(_moments(traces, stride))
-    pause = round(min(1000.0 * stride * settings.world.physics.step_s, _GIF_LONGEST_MS))
+    moments = list(_moments(recording, stride))
+    pause = round(min(1000.0 * stride * recording.world.physics.step_s, _GIF_LONGEST_MS))
     # Dithered flat colours look like noise and take seven times the space.
     quality = [cv2.IMWRITE_GIF_QUALITY, cv2.IMWRITE_GIF_FAST_NO_DITHER]
     animation = cv2.Animation()
-    animation.frames = list(_frames(settings, traces, moments, size))
+    animation.frames = list(_frames(recording, moments, size))
     animation.durations = [pause + round(1000.0 * _HOLD_S) * moment.last for moment in moments]
     with whole_file(path) as partial:
         done, data = cv2.imencodeanimation(".gif", animation, quality)
@@ -144,9 +150,9 @@ def _write_gif(path: Path, settings: RunSettings, traces: Sequence[Trace], _fps:
         partial.write_bytes(data.tobytes())
 
 
-def _moments(traces: Sequence[Trace], stride: float) -> Iterator[_Moment]:
+def _moments(recording: Recording, stride: float) -> Iterator[_Moment]:
     """Yield the moments to draw, ``stride`` steps apart, with the first and the last state of each game."""
-    for game, trace in enumerate(traces):
+    for game, trace in enumerate(recording.traces):
         last = len(trace.skills)
         for count in itertools.count():
             step = math.floor(count * stride + 1e-9)
@@ -156,20 +162,19 @@ def _moments(traces: Sequence[Trace], stride: float) -> Iterator[_Moment]:
         yield _Moment(game, last, last=True)
 
 
-def _frames(
-    settings: RunSettings, traces: Sequence[Trace], moments: Sequence[_Moment], size: tuple[int, int]
-) -> Iterator[NDArray[np.uint8]]:
-    painter = Painter(settings, size)
-    scores = score_before(settings, traces)
+def _frames(recording: Recording, moments: Sequence[_Moment], size: tuple[int, int]) -> Iterator[NDArray[np.uint8]]:
+    painter = Painter(recording, size)
+    scores = recording.score_before()
     for game, step, last in moments:
-        trace = traces[game]
-        chosen = (
-            trace.skills[min(step, len(trace.skills) - 1)] if len(trace.skills) else np.full(len(settings.players), -1)
-        )
-        blue, yellow = scores[game + last]
-        left = f"game {game + 1}/{len(traces)}   {TEAMS[0]} {blue} : {yellow} {TEAMS[1]}"
+        take = recording.takes[game]
+        chosen, steps = recording.chosen(take.trace), len(take.trace.skills)
+        now = chosen[min(step, steps - 1)] if steps else np.full(len(recording.actors), -1)
+        one, two = scores[game + last]
+        left = f"{take.title}   {recording.sides[0]} {one} : {two} {recording.sides[1]}"
         if last:
-            team = winner(settings, trace)
-            left += f"   goal for {TEAMS[team]}!" if team >= 0 else "   time is up"
-        right = f"step {step}/{len(trace.skills)}   {step * settings.world.physics.step_s:.1f} s"
-        yield painter.draw(trace.states[step], chosen, (left, right))
+            left += f"   {take.ending}"
+        right = f"step {step}/{steps}   {step * recording.world.physics.step_s:.1f} s"
+        yield painter.draw(take.trace.states[step], now, (left, right))
+
+
+_WRITERS = {".mp4": _write_mp4, ".gif": _write_gif, ".html": _write_page}

@@ -109,6 +109,15 @@ def _collect(
 
 
 @inlined
+def _show(retina: Retina, thing: int, first: int, columns: int) -> None:
+    """Keep the visible part of an object for those who want the image, before it is marked occupied."""
+    if retina.shown.shape[0] > 0:
+        for k in range(whole_blocks(columns)):
+            c = np.uint64(first + k)
+            retina.shown[thing, c] = retina.words[np.uint64(k)] & ~retina.occupied[c]
+
+
+@inlined
 def look(
     camera: CameraParams,
     state: NDArray[np.float64],
@@ -137,6 +146,9 @@ def look(
         occupied[c] = np.uint64(0)
     for o in range(ROBOTS + ball - 1):
         areas[o] = -1.0
+    for o in range(retina.shown.shape[0]):
+        for c in range(retina.shown.shape[1]):
+            retina.shown[o, c] = np.uint64(0)
     edge = 0.5 * camera.columns / camera.fx
     # How much deeper than on the level of the camera a point can be: on the floor, or upwards on the top of things.
     tallest = max(camera.robot_height, camera.goal_height, 2.0 * camera.ball_radius)
@@ -169,6 +181,7 @@ def look(
         else:
             first, count = robot_words(camera, forward, right, words)
         if count > 0:
+            _show(retina, thing, first, count)
             areas[thing] = _collect(words, occupied, first, count, False, features[thing])
             row = features[thing]
             if nearest == ball:
@@ -196,6 +209,7 @@ def look(
             continue  # both posts lie beyond the same edge of the image
         first, count = goal_words(camera, left_f, left_r, right_f, right_r, words)
         if count > 0:
+            _show(retina, thing, first, count)
             areas[thing] = _collect(words, occupied, first, count, True, features[thing])
             features[thing, 10] = areas[thing]
 

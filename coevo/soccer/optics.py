@@ -64,16 +64,19 @@ class Retina(NamedTuple):
 
     words: uint64, the rows that the object under way covers, from its first column on.
     occupied: uint64, all that is covered.
+    shown: (objects, columns) uint64, the rows where each object is visible; kept only where there is room for it.
     """
 
     words: NDArray[np.uint64]
     occupied: NDArray[np.uint64]
+    shown: NDArray[np.uint64]
 
 
-def make_retina(world: WorldSettings) -> Retina:
-    """Make room for the images of a camera."""
+def make_retina(world: WorldSettings, *, shown: int = 0) -> Retina:
+    """Make room for the images of a camera; ``shown``: number of objects whose part of the image is kept."""
     columns = world.camera.width_px + _BLOCK
-    return Retina(words=np.zeros(columns, np.uint64), occupied=np.zeros(columns, np.uint64))
+    words, occupied = np.zeros(columns, np.uint64), np.zeros(columns, np.uint64)
+    return Retina(words, occupied, np.zeros((shown, columns), np.uint64))
 
 
 @inlined

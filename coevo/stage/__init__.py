@@ -3,6 +3,7 @@
 from coevo.stage.data import Roles, Stage, Venue, make_venue
 from coevo.stage.loop import GOING, run_episode
 from coevo.stage.roles import CHASER, INFORMED, LEARNER, RANDOM, ROAMER, SKILL, STANDING, TREE
+from coevo.stage.tape import Trace
 
 __all__ = [
     "CHASER",
@@ -16,6 +17,7 @@ __all__ = [
     "TREE",
     "Roles",
     "Stage",
+    "Trace",
     "Venue",
     "make_venue",
     "run_episode",

@@ -14,7 +14,7 @@ from coevo.soccer.physics import advance, reset
 from coevo.soccer.rng import below
 from coevo.stage.data import Stage
 
-__all__ = ["begin", "drive", "new_state", "sense", "start_action", "step", "use_skill"]
+__all__ = ["begin", "drive", "new_state", "sense", "start_action", "state_of_skill", "step", "use_skill"]
 
 
 @helper
@@ -48,6 +48,12 @@ def sense(stage: Stage, time: int, rng: NDArray[np.uint64]) -> None:
             if camera.noise > 0.0:
                 blur_sight(camera, memory.areas.shape[1] - 1, features, areas, rng)
             remember(memory, stage.bank, robot, time, stage.body.codes[robot], 0.5 * camera.columns)
+
+
+@helper
+def state_of_skill(stage: Stage, robot: int, skill: int, time: int) -> int:
+    """Return the discrete state that a skill sees a robot in."""
+    return int(discrete_state(stage.memory, stage.bank, skill, robot, time))
 
 
 @inlined

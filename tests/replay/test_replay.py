@@ -15,7 +15,7 @@ import pytest
 from coevo.config import CameraSettings, GameSettings, PlayerSettings, RunSettings, StartSettings
 from coevo.errors import InputError
 from coevo.game import Trace
-from coevo.replay import draw_frame, frame_size, scene, trace_digest, write_trace, write_video
+from coevo.replay import draw_frame, frame_size, game_recording, scene, trace_digest, write_trace, write_video
 from coevo.vocabulary import SKILLS
 
 if TYPE_CHECKING:
@@ -45,7 +45,8 @@ def make_trace(steps: int, seed: int, ball_ends_at: float = 4.0) -> Trace:
     states[-1, -1, 0] = ball_ends_at
     skills = rng.integers(0, len(SKILLS), (steps, ROBOTS)).astype(np.int8)
     skills[:, 2] = -1
-    return Trace(states=states, skills=skills, actions=np.zeros_like(skills))
+    nodes = np.where(skills < 0, -1, 0).astype(np.int32)
+    return Trace(states=states, skills=skills, actions=np.zeros_like(skills), leaves=nodes, perceived=nodes)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +59,7 @@ def traces() -> list[Trace]:
 
 
 def test_a_trace_file_reads_back_exactly(tmp_path: Path, traces: list[Trace]) -> None:
-    write_trace(tmp_path / "t.csv", SETTINGS, traces)
+    write_trace(tmp_path / "t.csv", game_recording(SETTINGS, traces))
     exact = dict.fromkeys(["x_m", "y_m", "heading_rad"], float)  # the default of older pandas is not
     table = pd.read_csv(tmp_path / "t.csv", converters=exact, keep_default_na=False)
     assert list(table) == ["game", "step", "body", "x_m", "y_m", "heading_rad", "skill"]
@@ -74,13 +75,13 @@ def test_a_trace_file_reads_back_exactly(tmp_path: Path, traces: list[Trace]) ->
 
 def test_a_trace_file_is_the_same_every_time(tmp_path: Path, traces: list[Trace]) -> None:
     for name in ("a.csv", "b.csv"):
-        write_trace(tmp_path / name, SETTINGS, traces)
+        write_trace(tmp_path / name, game_recording(SETTINGS, traces))
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
     assert (tmp_path / "a.csv").read_bytes().startswith(b"game,step,body,x_m,y_m,heading_rad,skill\n0,0,r0,")
 
 
 def test_no_games_make_a_file_with_the_names_of_the_columns(tmp_path: Path) -> None:
-    write_trace(tmp_path / "t.csv", SETTINGS, [])
+    write_trace(tmp_path / "t.csv", game_recording(SETTINGS, []))
     assert pd.read_csv(tmp_path / "t.csv").empty
 
 
@@ -134,8 +135,8 @@ def pixel(image: NDArray[np.uint8], x: float, y: float) -> str:
 def test_a_frame_has_everything_in_its_place(width: int) -> None:
     poses = [[2.0, 1.0, 0.0], [6.0, 3.5, 3.0], [7.0, 1.0, 1.5], [4.0, 2.4, 0.0]]
     state = np.hstack([poses, np.zeros((4, 3))])
-    image = draw_frame(SETTINGS, state, [0, 2, -1], frame_size(SETTINGS, width))
-    assert image.shape == (frame_size(SETTINGS, width)[1], width - width % 2, 3)
+    image = draw_frame(game_recording(SETTINGS, []), state, [0, 2, -1], frame_size(SETTINGS.world, width))
+    assert image.shape == (frame_size(SETTINGS.world, width)[1], width - width % 2, 3)
     assert image.dtype == np.uint8
     assert pixel(image, 4.0, 2.4) == scene.BALL
     assert pixel(image, 5.5, 0.5) == scene.FLOOR
@@ -153,7 +154,7 @@ def test_a_frame_has_everything_in_its_place(width: int) -> None:
     for number, (x, y, heading) in enumerate(poses[:-1]):
         away = 0.14 * np.array([np.cos(heading), np.sin(heading)])  # between the name and the rim
         assert pixel(image, x + away[0], y + away[1]) == scene.ROBOT_COLOURS[number]
-    assert dict(scene.skill_colours(SETTINGS))["shoot"] in {
+    assert dict(scene.skill_labels(game_recording(SETTINGS, [])))["shoot"] in {
         pixel(image, 2.0 + dx, 0.67) for dx in np.linspace(-0.2, 0.2, 21)
     }
     assert pixel(image, 3.0, 1.0) != scene.FLOOR  # r0 sees this
@@ -179,31 +180,33 @@ def test_the_camera_sees_the_floor_that_its_angles_say() -> None:
 
 
 def test_an_mp4_has_every_state_and_holds_the_last_one(tmp_path: Path, traces: list[Trace]) -> None:
-    write_video(tmp_path / "v.mp4", SETTINGS, traces, width=320)
+    write_video(tmp_path / "v.mp4", game_recording(SETTINGS, traces), width=320)
     reader = cv2.VideoCapture(str(tmp_path / "v.mp4"))
     frames = []
     while (answer := reader.read())[0]:
         frames.append(answer[1])
     assert reader.get(cv2.CAP_PROP_FPS) == 30.0
     assert len(frames) == sum(len(trace.states) + 24 for trace in traces)
-    assert frames[0].shape == (*frame_size(SETTINGS, 320)[::-1], 3)
-    expected = draw_frame(SETTINGS, traces[0].states[0], traces[0].skills[0], frame_size(SETTINGS, 320))
+    assert frames[0].shape == (*frame_size(SETTINGS.world, 320)[::-1], 3)
+    expected = draw_frame(
+        game_recording(SETTINGS, []), traces[0].states[0], traces[0].skills[0], frame_size(SETTINGS.world, 320)
+    )
     assert np.abs(frames[0][20:].astype(int) - expected[20:]).mean() < 5.0
     assert [path.name for path in tmp_path.iterdir()] == ["v.mp4"]
 
 
 @pytest.mark.parametrize(("fps", "frames"), [(10.0, 15 + 8), (60.0, 81 + 48)])
 def test_an_mp4_keeps_real_time(tmp_path: Path, traces: list[Trace], fps: float, frames: int) -> None:
-    write_video(tmp_path / "v.mp4", SETTINGS, traces[:1], width=320, fps=fps)
+    write_video(tmp_path / "v.mp4", game_recording(SETTINGS, traces[:1]), width=320, fps=fps)
     assert cv2.VideoCapture(str(tmp_path / "v.mp4")).get(cv2.CAP_PROP_FRAME_COUNT) == frames
 
 
 def test_a_gif_has_every_third_state_and_the_last_one(tmp_path: Path, traces: list[Trace]) -> None:
-    write_video(tmp_path / "v.GIF", SETTINGS, traces, width=320)
+    write_video(tmp_path / "v.GIF", game_recording(SETTINGS, traces), width=320)
     done, animation = cv2.imreadanimation(str(tmp_path / "v.GIF"))
     assert done
     assert len(animation.frames) == (14 + 1) + (9 + 1) + (11 + 1)
-    assert animation.frames[0].shape[:2] == frame_size(SETTINGS, 320)[::-1]
+    assert animation.frames[0].shape[:2] == frame_size(SETTINGS.world, 320)[::-1]
     assert animation.durations[0] == 100
     assert animation.durations[14] == 900
     assert animation.loop_count == 0  # for ever
@@ -213,7 +216,7 @@ def test_many_games_make_a_gif_in_time_lapse(
     tmp_path: Path, traces: list[Trace], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("coevo.replay.video._GIF_FRAMES", 12)
-    write_video(tmp_path / "v.gif", SETTINGS, traces, width=320)
+    write_video(tmp_path / "v.gif", game_recording(SETTINGS, traces), width=320)
     _, animation = cv2.imreadanimation(str(tmp_path / "v.gif"))
     assert len(animation.frames) == (5 + 1) + (4 + 1) + (4 + 1)
     assert animation.durations[0] == 100
@@ -224,7 +227,7 @@ def test_an_opencv_without_gif_says_what_to_do(
 ) -> None:
     monkeypatch.delattr(cv2, "imencodeanimation")
     with pytest.raises(InputError, match=r"install opencv-python-headless 4\.12 or newer, or write \.html"):
-        write_video(tmp_path / "v.gif", SETTINGS, traces)
+        write_video(tmp_path / "v.gif", game_recording(SETTINGS, traces))
 
 
 def test_an_mp4_that_lost_frames_is_not_kept(
@@ -232,7 +235,7 @@ def test_an_mp4_that_lost_frames_is_not_kept(
 ) -> None:
     monkeypatch.setattr("coevo.replay.video._count_frames", lambda _: 3)
     with pytest.raises(InputError, match="3 of 65 frames arrived"):
-        write_video(tmp_path / "v.mp4", SETTINGS, traces[:1], width=320)
+        write_video(tmp_path / "v.mp4", game_recording(SETTINGS, traces[:1]), width=320)
     assert not list(tmp_path.iterdir())
 
 
@@ -246,7 +249,7 @@ def page_data(page: str) -> Any:
 
 
 def test_a_page_needs_nothing_from_outside(tmp_path: Path, traces: list[Trace]) -> None:
-    write_video(tmp_path / "v.html", SETTINGS, traces)
+    write_video(tmp_path / "v.html", game_recording(SETTINGS, traces))
     page = (tmp_path / "v.html").read_text(encoding="utf-8")
     assert not re.search(r"https?:|//[a-z]+\.|\bsrc=|\bhref=|@import|url\(", page)
     assert "{{" not in page
@@ -256,13 +259,13 @@ def test_a_page_needs_nothing_from_outside(tmp_path: Path, traces: list[Trace]) 
 
 
 def test_a_page_holds_all_games(tmp_path: Path, traces: list[Trace]) -> None:
-    write_video(tmp_path / "v.html", SETTINGS, traces)
+    write_video(tmp_path / "v.html", game_recording(SETTINGS, traces))
     data = page_data((tmp_path / "v.html").read_text(encoding="utf-8"))
     assert data["name"] == SETTINGS.name
     assert [robot["name"] for robot in data["robots"]] == ["r0", "r1", "r2"]
-    assert [robot["tree"] for robot in data["robots"]] == [True, True, False]
+    assert [robot["sees"] for robot in data["robots"]] == [True, True, False]
     assert [skill["name"] for skill in data["skills"]] == list(SKILLS)
-    assert [game["winner"] for game in data["games"]] == [0, -1, 1]
+    assert [game["point"] for game in data["games"]] == [0, -1, 1]
     for trace, game in zip(traces, data["games"], strict=True):
         assert game["steps"] == len(trace.skills)
         for number, columns in enumerate(game["bodies"]):
@@ -279,16 +282,16 @@ def test_a_page_holds_all_games(tmp_path: Path, traces: list[Trace]) -> None:
 @pytest.mark.parametrize("name", ["v.avi", "v", "v.html.gz"])
 def test_an_unknown_suffix_names_the_known_ones(tmp_path: Path, traces: list[Trace], name: str) -> None:
     with pytest.raises(InputError, match=rf"ending in \.mp4, \.gif, \.html, got {name}"):
-        write_video(tmp_path / name, SETTINGS, traces)
+        write_video(tmp_path / name, game_recording(SETTINGS, traces))
 
 
 @pytest.mark.parametrize("suffix", ["csv", "mp4", "gif", "html"])
 def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path, traces: list[Trace], suffix: str) -> None:
     def write(path: Path) -> None:
         if suffix == "csv":
-            write_trace(path, SETTINGS, traces)
+            write_trace(path, game_recording(SETTINGS, traces))
         else:
-            write_video(path, SETTINGS, traces, width=320)
+            write_video(path, game_recording(SETTINGS, traces), width=320)
 
     with pytest.raises(InputError, match=r"there is no folder .*nowhere; make it first"):
         write(tmp_path / "nowhere" / f"v.{suffix}")
@@ -306,7 +309,7 @@ def test_a_stop_half_way_keeps_the_file_of_before(tmp_path: Path, traces: list[T
     (tmp_path / "t.csv").write_text("before")
     broken = dataclasses.replace(traces[1], skills=np.full_like(traces[1].skills, 99))
     with pytest.raises(IndexError):
-        write_trace(tmp_path / "t.csv", SETTINGS, [traces[0], broken])
+        write_trace(tmp_path / "t.csv", game_recording(SETTINGS, [traces[0], broken]))
     assert (tmp_path / "t.csv").read_text() == "before"
     assert len(list(tmp_path.iterdir())) == 1
 
@@ -317,6 +320,6 @@ def test_impossible_wishes_are_refused(tmp_path: Path, traces: list[Trace]) -> N
         ({"fps": 0.0}, "1 to 240 frames a second, got 0"),
     ):
         with pytest.raises(InputError, match=message):
-            write_video(tmp_path / "v.mp4", SETTINGS, traces, **wishes)
+            write_video(tmp_path / "v.mp4", game_recording(SETTINGS, traces), **wishes)
     with pytest.raises(InputError, match="at least one game"):
-        write_video(tmp_path / "v.html", SETTINGS, [])
+        write_video(tmp_path / "v.html", game_recording(SETTINGS, []))

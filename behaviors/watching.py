@@ -1,0 +1,89 @@
+"""Trials of what was learned, as what is shown: of a skill alone, and of a passer and a shooter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from behaviors.cards import measured_mover
+from behaviors.learning import succeeded, watch
+from behaviors.recipe import Recipe
+from behaviors.schedule.recipe import Schedule
+from behaviors.trials.scene import Watched
+from behaviors.trials.task import COLLISION, FAILURE, GOING, STRAY_GOAL, SUCCESS
+from coevo.replay import Actor, Recording, Take
+from coevo.skill import Skill
+from coevo.stage import CHASER, ROAMER, STANDING
+
+__all__ = ["pair_recording", "skill_recording"]
+
+_SIDES = ("succeeded", "failed")
+_IDLE = {STANDING: "stands", ROAMER: "drives at random", CHASER: "drives at r0"}
+_SUCCESSES = {"shoot": "goal", "pass": "the mate touches the ball", "search": "the ball is found"}
+_ENDINGS = {
+    FAILURE: "a goal that does not count, or out of the field",
+    COLLISION: "collision",
+    STRAY_GOAL: "goal, but not by the shooter",
+}
+
+
+def skill_recording(recipe: Recipe, skill: Skill, *, games: int, seed: int, starts: str) -> Recording:
+    """Return trials of a skill: the first of those that ``behaviors.cards.measure`` counts with the same arguments.
+
+    Raises:
+        InputError: the skill is not one for this task, or no start was found.
+    """
+    watched = watch(recipe, skill, games=games, seed=seed, starts=starts, mover=measured_mover(recipe))
+    takes = []
+    for number, one in enumerate(watched):
+        success = bool(succeeded(recipe, np.array([one.ends]))[0])
+        ending = _ENDINGS.get(one.ends, "time is up")
+        if one.ends == SUCCESS:
+            ending = _SUCCESSES[recipe.task]
+        elif one.ends == GOING and recipe.task == "avoid":
+            ending = "time is up, and no collision"
+        takes.append(_take(one, number, games, ending, success=success))
+    robots = takes[0].trace.skills.shape[1]
+    actors = tuple(Actor(f"r{number}", sees=number == 0) for number in range(robots))
+    name = f"{skill.name}: starts {starts}, seed {seed}"
+    return _recording(name, recipe, actors, [skill], takes)
+
+
+def pair_recording(
+    schedule: Schedule, skills: Sequence[Skill], watched: Sequence[Watched], numbers: Sequence[int], name: str
+) -> Recording:
+    """Return trials of a passer and a shooter; a success is a goal that the shooter scores.
+
+    Args:
+        schedule: their method.
+        skills: of both.
+        watched: trials of ``behaviors.schedule.course.Course.watch_afterwards``.
+        numbers: of these trials among all.
+        name: of the whole.
+    """
+    takes = []
+    for number, one in zip(numbers, watched, strict=True):
+        passes = f"{one.passes} passes" if one.passes != 1 else "1 pass"
+        ending = "goal" if one.ends == SUCCESS else _ENDINGS.get(one.ends, "time is up")
+        takes.append(_take(one, number, None, f"{ending}, {passes}", success=one.ends == SUCCESS))
+    # The bank of a pair holds for each what it has learned, and what it had before.
+    both = [skill for skill in skills for _ in range(2)]
+    return _recording(name, schedule, (Actor("P"), Actor("S")), both, takes)
+
+
+def _take(one: Watched, number: int, of: int | None, ending: str, *, success: bool) -> Take:
+    title = f"trial {number + 1}" if of is None else f"trial {number + 1} of {of}"
+    idle = tuple(_IDLE.get(role, "") for role in one.roles)
+    return Take(one.trace, title, ending, 0 if success else 1, idle)
+
+
+def _recording(
+    name: str, settings: Recipe | Schedule, actors: tuple[Actor, ...], skills: Sequence[Skill], takes: Sequence[Take]
+) -> Recording:
+    names = [skill.name for skill in skills]
+    known = {
+        skill.name if n == names.index(skill.name) else f"{skill.name} before": skill.objects
+        for n, skill in enumerate(skills)
+    }
+    return Recording(name, settings.world, actors, known, tuple(takes), kind="trial", shows="actions", sides=_SIDES)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import copy
 import gc
 import itertools
+import shutil
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -123,6 +126,57 @@ def results_of():
         return {path.name: path.read_bytes() for path in [Path(folder) / "generations.csv", *parts]}
 
     return read
+
+
+@dataclass
+class Opened:
+    """A page in a browser: Playwright's handle, what the page complained of, and what it asked for besides itself."""
+
+    page: Any
+    complaints: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+
+_CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+# Without what it does for its own ends, it asks for nothing that a page did not ask for.
+_QUIET = (
+    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync"),
+)
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """Return a running Chromium, or skip: the machine's own, or the one of 'playwright install chromium'."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with playwright.sync_playwright() as driver:
+        found = next(filter(None, map(shutil.which, _CHROMIUM)), driver.chromium.executable_path)
+        if not Path(found).exists():
+            pytest.skip("no Chromium: install the package chromium, or run 'playwright install chromium'")
+        browser = driver.chromium.launch(executable_path=found, args=list(_QUIET))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def open_page(chromium):
+    """Return a function that opens a file in a browser: ``open_page(path, "#step=3", width=390, scheme="dark")``."""
+    contexts = []
+
+    def show(path, fragment="", *, width=1280, height=900, scheme="light"):
+        contexts.append(chromium.new_context(viewport={"width": width, "height": height}, color_scheme=scheme))
+        opened = Opened(contexts[-1].new_page())
+        address = Path(path).resolve().as_uri()
+        opened.page.on("console", lambda said: opened.complaints.append(f"{said.type}: {said.text}"))
+        opened.page.on("pageerror", lambda error: opened.complaints.append(str(error)))
+        own = address, "about:"
+        opened.page.on("request", lambda asked: asked.url.startswith(own) or opened.requests.append(asked.url))
+        opened.page.goto(address + fragment)
+        return opened
+
+    yield show
+    for context in contexts:
+        context.close()
 
 
 @pytest.fixture

@@ -45,6 +45,7 @@ def _describe(recording: Recording) -> dict[str, Any]:
     world = recording.world
     field = world.field
     colours = {"ball": scene.BALL, "floor": scene.FLOOR, "wall": scene.WALL, "surround": scene.SURROUND}
+    colours["backdrop"] = scene.BACKDROP
     skills = zip(scene.skill_labels(recording), recording.skills.values(), strict=True)
     return {
         "name": recording.name,
@@ -80,13 +81,27 @@ def _label(label: Label) -> dict[str, str]:
 
 
 def _sees(model: ObjectModel) -> dict[str, Any]:
-    return {"name": model.kind.replace("_", " "), "order": model.order, "lost": model.lost_states}
+    name = "nearest robot" if model.kind == "robot" else model.kind.replace("_", " ")
+    return {"name": name, "order": model.order, "lost": model.lost_states}
 
 
 def _describe_camera(camera: CameraSettings) -> dict[str, Any]:
-    """Return the size of the image, and how much wider than high it is for an eye: pixels are not square."""
+    """Return the size of the image, how much wider than high it is for an eye, and the floor in it.
+
+    ``ground``: for each row how far ahead its pixels show the floor, and how far to the left the left edge does [mm];
+    (0, 0) where they show none.
+    """
     wide, high = (math.tan(0.5 * math.radians(d)) for d in (camera.horizontal_view_deg, camera.vertical_view_deg))
-    return {"columns": camera.width_px, "rows": camera.height_px, "aspect": round(wide / high, 4)}
+    down = math.radians(-camera.tilt_deg)
+    ground = []
+    for row in range(camera.height_px):
+        below = high * ((2 * row + 1) / camera.height_px - 1.0)  # in focal lengths
+        falls = math.sin(down) + below * math.cos(down)
+        ahead = math.cos(down) - below * math.sin(down)
+        share = camera.height_m / falls if falls > 0.0 and ahead > 0.0 else 0.0
+        ground.append((_mm(share * ahead), _mm(share * wide)))
+    size = {"columns": camera.width_px, "rows": camera.height_px}
+    return {**size, "aspect": round(wide / high, 4), "ground": ground}
 
 
 def _describe_actor(recording: Recording, number: int) -> dict[str, Any]:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from coevo.replay.recording import Recording
 
 __all__ = [
+    "BACKDROP",
     "BALL",
     "FLOOR",
     "INK",
@@ -32,6 +33,7 @@ Label = tuple[str, str]  # a name and its colour
 TEAM_COLOURS = ("#1d5fe0", "#f7c800")
 ROBOT_COLOURS = ("#8b5cf6", "#f472b6", "#f1f5f9", "#8a4b14", "#1f2937", "#22d3ee")
 BALL, FLOOR, WALL, SURROUND, INK, PAPER = "#e01b24", "#2f7148", "#f4f4f0", "#20262b", "#101418", "#f2f4f5"
+BACKDROP = "#9aa1a6"  # walls through a camera: robots of any colour, a white one too, stand out
 
 # By the code of an action, speed and turn: the hue says where to, the lightness how fast.
 _ACTIONS: dict[tuple[int, int], Label] = {

@@ -97,8 +97,9 @@ def learn(
     folder = out if out is not None else Path("runs") / "skills" / f"{recipe.name}-seed{recipe.seed}"
     checkpoint = folder / "learning.npz"
     if resume and not checkpoint.exists() and (folder / "skill.npz").exists():
+        card = _finished(folder, recipe)
         _film(folder, recipe, video)
-        _show(folder, _finished(folder, recipe), as_json=as_json, said=f"Finished before: {folder}")
+        _show(folder, card, as_json=as_json, said=_written(f"Finished before: {folder}", video))
         return
     if not resume and not restart and checkpoint.exists():
         _refuse(checkpoint)
@@ -124,7 +125,11 @@ def learn(
         (folder / "card.json").write_bytes(msgspec.json.format(msgspec.json.encode(card), indent=2) + b"\n")
         checkpoint.unlink(missing_ok=True)
     _film(folder, recipe, video)
-    _show(folder, card, as_json=as_json, said=f"Written: {folder}")
+    _show(folder, card, as_json=as_json, said=_written(f"Written: {folder}", video))
+
+
+def _written(said: str, video: Path | None) -> str:
+    return said if video is None else f"{said}\nWritten: {video}"
 
 
 def _film(folder: Path, recipe: Recipe, video: Path | None) -> None:

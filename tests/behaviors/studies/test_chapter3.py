@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 
 import numpy as np
@@ -13,6 +14,7 @@ from click.testing import CliRunner
 from behaviors.schedule.course import Course
 from behaviors.schedule.recipe import read_schedule
 from behaviors.studies.chapter3 import chapter3
+from behaviors.studies.watching import chapter3_watch
 from coevo.errors import InputError
 from coevo.seeds import game_seed
 from coevo.skill import load_skill
@@ -131,3 +133,51 @@ def test_a_checkpoint_that_does_not_serve_is_told_with_the_remedy_and_stays(begu
     assert checkpoint.read_bytes() == before
     checkpoint.unlink()
     assert run(begun, "--sets", "2", "--workers", "1").exit_code == 0
+
+
+# ------------------------------------------------------------------------------------------------ watching a set
+
+
+def watched(folder, *options):
+    return CliRunner().invoke(chapter3_watch, [str(folder), "--quiet", *map(str, options)])
+
+
+def page_of(path):
+    found = re.search(r'type="application/json">(.*?)</script>', path.read_text(encoding="utf-8"), re.DOTALL)
+    return json.loads(found[1])
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_trials_that_are_watched_are_those_that_were_measured_afterwards(finished, tmp_path, number):
+    folder, out = finished / "schedule" / f"set-0{number}", tmp_path / "pair.html"
+    after = json.loads((folder / "set.json").read_text(encoding="utf-8"))["after"]
+    result = watched(folder, "--games", after["games"], "--out", out, "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["trials"] == list(range(1, 21))
+    data = page_of(out)
+    games = data["games"]
+    assert np.mean([game["steps"] for game in games]) == pytest.approx(after["steps"])
+    assert np.mean([game["point"] == 0 for game in games]) == pytest.approx(after["shooting"])
+    assert np.mean([not game["ending"].endswith(", 0 passes") for game in games]) == pytest.approx(after["passing"])
+    assert np.mean(["collision" in game["ending"] for game in games]) == pytest.approx(after["collisions"])
+    assert [robot["name"] for robot in data["robots"]] == ["P", "S"]
+    assert all(all(game["images"]) for game in games)
+
+
+def test_trials_can_be_chosen_by_what_happens_in_them(finished, tmp_path):
+    folder, out = finished / "schedule" / "set-00", tmp_path / "pair.html"
+    assert watched(folder, "--games", 20, "--out", out).exit_code == 0
+    scored = [n for n, game in enumerate(page_of(out)["games"], 1) if game["point"] == 0]
+    found = watched(folder, "--only", "goal", "--games", 20, "--out", out, "--json")
+    if scored:
+        assert json.loads(found.stdout)["trials"] == scored
+        assert [game["title"] for game in page_of(out)["games"]] == [f"trial {n}" for n in scored]
+    else:
+        assert "none of the 20 trials" in str(found.exception)
+
+
+def test_what_is_no_finished_set_is_refused_in_words(finished, tmp_path):
+    for folder in (finished, finished / "schedule", tmp_path):
+        result = watched(folder, "--out", tmp_path / "pair.html")
+        assert isinstance(result.exception, InputError)
+        assert "is no finished set: cannot read" in str(result.exception)

@@ -54,6 +54,7 @@ def test_commands_are_lines_that_begin_with_a_dollar_and_go_on_after_a_backslash
         ("coevo reproduce chapter3 chapter3/shedule", "Did you mean 'chapter3/schedule'?"),
         ("coevo reproduce chapter3", "Missing argument"),
         ("coevo skills evaluate shot", "Did you mean 'shoot'?"),
+        ("coevo skills watch shot", "Did you mean 'shoot'?"),
         ("coevo skills | coevo bensh", "Did you mean 'bench'?"),
         ("make tests", "there is no target 'tests'"),
         ("make bench", ".ci/run does not run 'make bench'"),

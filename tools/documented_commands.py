@@ -204,6 +204,7 @@ _READERS: dict[str, tuple[str, Callable[[str, tuple[str, ...]], Any]]] = {
     "evolve": ("recipe", read_experiment),
     "learn": ("source", lambda name, _: read_recipe(name)),
     "skills evaluate": ("skill", lambda name, _: load_skill(name)),
+    "skills watch": ("skill", lambda name, _: None if name.endswith(".npz") else load_skill(name)),
     "reproduce categories": ("recipes", read_experiment),
     "reproduce chapter3": ("recipes", read_schedule),
     "reproduce coordination": ("source", lambda name, _: read_recipe(name)),

@@ -118,3 +118,9 @@ def test_skill(follow):
     used = {name for tree in trees(run) for name in tree.names if not name.startswith("IF_")}
     assert used == {"shoot", "pass", "avoid", "find"}
     assert list(run.game.function_set(0).terminals) == ["shoot", "pass", "avoid", "find"]
+
+
+def test_watch(follow):
+    folder = follow("watch.md")
+    assert {path.name for path in folder.glob("*.html")} == {"again.html", "game.html", "search.html", "shoot.html"}
+    assert "group 5 of generation 2" in (folder / "game.html").read_text(encoding="utf-8")

@@ -14,6 +14,8 @@ from coevo.console import emit, note, output_options, table
 from coevo.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from coevo.run import Run

@@ -278,11 +278,12 @@ def _play_soccer(
     programs = programs_of(game, bill.trees)
     played = [game.arena.trace(programs, seed) for seed in bill.seeds]
     traces = [seen for _, seen in played]
-    recording = game_recording(game.settings, traces, trees=bill.trees, name=bill.name, titles=bill.titles)
-    if trace is not None:
-        write_trace(trace, recording)
-    if video is not None:
-        write_video(video, recording)
+    if trace is not None or video is not None:
+        recording = game_recording(game.settings, traces, trees=bill.trees, name=bill.name, titles=bill.titles)
+        if trace is not None:
+            write_trace(trace, recording)
+        if video is not None:
+            write_video(video, recording)
     each = [game.played(outcome).counts for outcome, _ in played]
     counts = {name: np.sum([of_game[name][0] for of_game in each], axis=0) for name in game.counts}
     return counts, int(counts.pop("steps")[0]), trace_digest(traces)

@@ -14,8 +14,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from analysis._dynamics import (
+    Matrix,
+    champions_luck,
+    chance_of,
+    gain_of,
+    interaction,
+    largest_return,
+    loss_of,
+    noise_of,
+    singular_values,
+    spectral_noise,
+    variogram_of,
+    visits_of,
+)
 from coevo.errors import InputError
 
 __all__ = ["LABELS", "MINIMUM_GENERATIONS", "Diagnosis", "diagnose"]
@@ -35,10 +49,7 @@ RETURN = 0.55  # share of the change that a cycle undoes when it comes round
 SMALLEST_SWING = 0.005  # mean square of a cycle's swing: +-0.1 of a sine
 INTRANSITIVE = 0.4  # share of the swing that depends on the opponent, from which it is not one ability that swings
 LARGE_SWING = 0.06  # mean square beyond what luck of champions can be, +-0.35 of a sine
-PERMUTATIONS = 199
 CHANCE = 0.01  # of shuffled generations that come round as well
-
-_Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -110,14 +121,15 @@ def diagnose(wins: ArrayLike, *, games: int | None = None) -> Diagnosis:
 # ---------------------------------------------------------------------------------------------------------- input
 
 
-def _checked(wins: ArrayLike, games: int | None) -> _Matrix:
+def _checked(wins: ArrayLike, games: int | None) -> Matrix:
     try:
         shares = np.array(wins, np.float64)
     except (TypeError, ValueError):
         raise InputError("wins must be a matrix of numbers, a row a generation; give an array of floats") from None
     if shares.ndim != 2 or shares.shape[0] != shares.shape[1]:
         raise InputError(
-            f"wins has shape {shares.shape}, expected (generations, generations); take the same generations of both sides"
+            f"wins has shape {shares.shape}, expected (generations, generations); "
+            "take the same generations of both sides"
         )
     if len(shares) < MINIMUM_GENERATIONS:
         raise InputError(
@@ -128,54 +140,27 @@ def _checked(wins: ArrayLike, games: int | None) -> _Matrix:
         raise InputError("wins has cells that are not finite, expected shares in 0..1; play the games that are missing")
     if shares.min() < 0 or shares.max() > 1:
         raise InputError(
-            f"wins goes from {shares.min():g} to {shares.max():g}, expected shares in 0..1; divide by the games of a pair"
+            f"wins goes from {shares.min():g} to {shares.max():g}, expected shares in 0..1; "
+            "divide by the games of a pair"
         )
     if games is not None and games < 1:
         raise InputError(f"games is {games}, expected at least 1; leave it out if it is not known")
     return shares
 
 
-# -------------------------------------------------------------------------------------------------------- numbers
-
-
-def _noise(shares: _Matrix, games: int | None) -> float:
-    """Return the standard deviation of a share, the smaller of two estimates from the matrix.
-
-    One is the median singular value of what is left without the means of rows and columns (Gavish and Donoho 2014):
-    regular structure sits in few large singular values. The other is the median mixed difference of neighbours, which
-    sharp edges do not move. Each is fooled by structure that the other sees through.
-    """
-    n = len(shares)
-    values = _singular_values(_interaction(shares))
-    local = float(np.quantile(np.abs(np.diff(np.diff(shares, axis=0), axis=1)), 0.75)) / (1.1503 * 2)
-    noise = min(_spectral_noise(values), local)
-    if games is not None:
-        noise = max(noise, float(np.sqrt(np.mean(shares * (1 - shares)) / max(games - 1, 1))))
-    return float(noise)
-
-
-def _singular_values(matrix: _Matrix) -> NDArray[np.float64]:
-    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(matrix @ matrix.T)[::-1], 0.0)))
-
-
-def _spectral_noise(values: NDArray[np.float64]) -> float:
-    return float(np.median(values[:-1]) / np.sqrt(0.6528 * (len(values) - 1)))
-
-
-def _interaction(shares: _Matrix) -> _Matrix:
-    return shares - shares.mean(axis=0) - shares.mean(axis=1, keepdims=True) + shares.mean()
+# ----------------------------------------------------------------------------------------------------- saturation
 
 
 def _late(n: int) -> int:
     return n - max(3, int(np.ceil(LATE * n)))
 
 
-def _late_level(shares: _Matrix) -> float:
+def _late_level(shares: Matrix) -> float:
     late = _late(len(shares))
     return float(shares[late:, late:].mean())
 
 
-def _onset(shares: _Matrix) -> int | None:
+def _onset(shares: Matrix) -> int | None:
     """Return the generation from which on contemporaries' games are all won or all lost, or None."""
     late = _late(len(shares))
 
@@ -196,159 +181,33 @@ def _onset(shares: _Matrix) -> int | None:
     return start
 
 
-def _champions_luck(means: NDArray[np.float64]) -> float:
-    """Return the standard deviation of row means from one generation to the next, trends and steps taken out."""
-    first = np.median(np.abs(np.diff(means))) / (0.6745 * np.sqrt(2))
-    second = np.median(np.abs(np.diff(means, 2))) / (0.6745 * np.sqrt(6))
-    return max(float(min(first, second)), 1e-3)
-
-
-def _gain(means: NDArray[np.float64], luck: float) -> tuple[float, float]:
-    """Return the gain from the first to the last generations, and the same in standard errors."""
-    best = (0.0, 0.0)
-    for share in (1 / 4, 1 / 8):
-        width = int(np.ceil(share * len(means)))
-        gain = float(means[-width:].mean() - means[:width].mean())
-        errors = gain / (luck * float(np.sqrt(2 / width)))
-        best = max(best, (gain, errors), key=lambda one: abs(one[1]))
-    return best
-
-
-def _loss(shares: _Matrix, noise: float, luck: float) -> tuple[float, float]:
-    """Return what was lost since the best time, and the same in standard errors; by time or by lag, as is clearer.
-
-    The best time against some opponents is chosen by every other of them, and the loss measured on the rest: so luck
-    that made a time look best is not counted as lost later.
-    """
-    own = max(luck**2 - noise**2 / len(shares), 0.0)
-    by_time, by_lag = _loss_by_time(shares, noise, own), _loss_by_lag(shares, noise, own)
-    return max(by_time, by_lag, key=lambda one: one[1])
-
-
-def _loss_by_time(shares: _Matrix, noise: float, own: float) -> tuple[float, float]:
-    """Return the mean over opponents of their best time less the end."""
-    n = len(shares)
-    count = int(np.clip(n // 2, 3, 8))
-    blocks = np.array_split(np.arange(n), count)
-    over_time = np.stack([shares[block].mean(axis=0) for block in blocks])
-    halves = [
-        np.stack([over_time[:, block[block % 2 == parity]].mean(axis=1) for block in blocks], axis=1)
-        for parity in (0, 1)
-    ]
-    lost = []
-    for chosen, measured in (halves, halves[::-1]):
-        best = chosen.argmax(axis=0)
-        lost.append(measured[best, np.arange(count)] - measured[-1])
-    loss = float(np.mean(lost))
-    return loss, loss / float(np.sqrt(2 * noise**2 * count / n**2 + 2 * own * count / n + 1e-6))
-
-
-def _loss_by_lag(shares: _Matrix, noise: float, own: float) -> tuple[float, float]:
-    """Return what champions win more against opponents of the best lag than their later ones do against the same."""
-    n = len(shares)
-    rows = n - max(2, n // 8)  # a later time of so many generations is left to compare with
-    later = (shares.sum(axis=0) - shares.cumsum(axis=0))[:rows] / (n - 1 - np.arange(rows)[:, None])
-    more = shares[:rows] - later
-    lag = np.subtract.outer(np.arange(rows), np.arange(n)) + n
-    width = max(1, n // 16)
-    bins, size = lag // width, 2 * n // width + 1
-    odd = np.broadcast_to(np.arange(n) % 2 == 1, lag.shape)
-    counts = np.stack([np.bincount(bins[part], minlength=size) for part in (odd, ~odd)])
-    means = np.stack([np.bincount(bins[part], more[part], minlength=size) for part in (odd, ~odd)])
-    means = means / np.maximum(counts, 1)
-    enough = counts.min(axis=0) >= max(2, n // 6) * width // 2
-    lost, error = [], []
-    for chosen, measured in ((0, 1), (1, 0)):
-        best = int(np.argmax(np.where(enough, means[chosen] * np.sqrt(counts[chosen]), -np.inf)))
-        lost.append(means[measured][best])
-        champions = min(2 * counts[measured][best] / width, n)
-        error.append(noise**2 / counts[measured][best] / 2 + own * (1 / champions + 4 / n))
-    loss = float(np.mean(lost))
-    return loss, loss / float(np.sqrt(np.mean(error) + 1e-6))
-
-
-# --------------------------------------------------------------------------------------------------------- cycles
-
-
-def _variogram(products: _Matrix) -> NDArray[np.float64]:
-    """Return by lag 0 to 3/4 n half the mean square difference of two rows, from their scalar products (n, n)."""
-    n = len(products)
-    square = np.diagonal(products)
-    apart = 0.5 * (square[:, None] + square[None, :]) - products
-    lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
-    return np.asarray((np.bincount(lag.ravel(), apart.ravel()) / np.bincount(lag.ravel()))[: int(0.75 * n) + 1])
-
-
-def _return(variogram: NDArray[np.float64], n: int) -> tuple[float, int]:
-    """Return the largest fall of the variogram from a smaller lag to one of 2 to n/2, and that lag."""
-    before = np.maximum.accumulate(variogram)
-    lags = np.arange(2, n // 2 + 1)
-    falls = before[lags - 1] - variogram[lags]
-    best = int(np.argmax(falls))
-    return float(falls[best]), int(lags[best])
-
-
-def _chance(products: _Matrix) -> tuple[float, float]:
-    """Return the shares of shuffled orders of generations that come round as well, and that hold on as well."""
-    n = len(products)
-    random = np.random.default_rng(0)
-    variogram = _variogram(products)
-    fall = _return(variogram, n)[0]
-    round_again, held = 1, 1
-    for _ in range(PERMUTATIONS):
-        order = random.permutation(n)
-        shuffled = _variogram(products[np.ix_(order, order)])
-        round_again += _return(shuffled, n)[0] >= fall
-        held += shuffled[1] <= variogram[1]
-    return round_again / (PERMUTATIONS + 1), held / (PERMUTATIONS + 1)
-
-
-def _visits(changes: _Matrix, noise: float) -> float:
-    """Return the median over rows of how often rows like it come, with rows unlike it between (1: never again)."""
-    powers, directions = np.linalg.eigh(changes @ changes.T)
-    values = np.sqrt(np.maximum(powers, 0.0))
-    kept = values > 2.2 * noise * np.sqrt(len(changes))
-    if not kept.any():
-        return 1.0
-    rows = directions[:, kept] * values[kept]
-    square = (rows**2).sum(axis=1)
-    apart = np.sqrt(np.maximum(square[:, None] + square[None, :] - 2 * rows @ rows.T, 0))
-    apart /= apart.max()
-    visits, away = np.zeros(len(rows)), np.ones(len(rows), bool)
-    for one in apart.T:
-        back = away & (one < 0.3)
-        visits += back
-        away = (away & ~back) | (one > 0.7)
-    return float(np.median(visits))
-
-
 # ------------------------------------------------------------------------------------------------------ decisions
 
 
-def _engaged(shares: _Matrix, games: int | None) -> Diagnosis:
+def _engaged(shares: Matrix, games: int | None) -> Diagnosis:
     """Diagnose a matrix as if both sides had games to win."""
     n = len(shares)
-    noise = _noise(shares, games)
+    noise = noise_of(shares, games)
     means = shares.mean(axis=1)
-    luck = _champions_luck(means)
-    gain, gain_errors = _gain(means, luck)
-    loss, loss_errors = _loss(shares, noise, luck)
-    changes, by_opponent = shares - shares.mean(axis=0), _interaction(shares)
+    luck = champions_luck(means)
+    gain, gain_errors = gain_of(means, luck)
+    loss, loss_errors = loss_of(shares, noise, luck)
+    changes, by_opponent = shares - shares.mean(axis=0), interaction(shares)
     products = changes @ changes.T / n
-    variogram, of_interaction = _variogram(products), _variogram(by_opponent @ by_opponent.T / n)
-    fall, period = _return(variogram, n)
+    variogram, of_interaction = variogram_of(products), variogram_of(by_opponent @ by_opponent.T / n)
+    fall, period = largest_return(variogram, n)
     swing = max(float(variogram.max()) - noise**2, 1e-9)
     swing_by_opponent = max(float(of_interaction.max()) - noise**2, 0.0) / swing
-    values = _singular_values(by_opponent)
-    intransitive = swing_by_opponent >= INTRANSITIVE and values[0] > 2.6 * _spectral_noise(values) * np.sqrt(n)
-    visits = _visits(changes, noise)
+    values = singular_values(by_opponent)
+    intransitive = swing_by_opponent >= INTRANSITIVE and values[0] > 2.6 * spectral_noise(values) * np.sqrt(n)
+    visits = visits_of(changes, noise)
 
     cycling = False
     if swing >= SMALLEST_SWING and (fall / swing >= RETURN or visits >= 2):
         if intransitive or (swing >= LARGE_SWING and fall / swing >= RETURN):
             cycling = True
         elif fall / swing >= RETURN or visits >= 3:
-            round_again, held = _chance(products)
+            round_again, held = chance_of(products)
             cycling = (fall / swing >= RETURN and round_again <= CHANCE) or (visits >= 3 and held <= CHANCE)
     labels = set()
     progress = gain >= SMALLEST_CHANGE and gain_errors >= STANDARD_ERRORS + 12 / n
@@ -390,7 +249,9 @@ def _text(found: Diagnosis, n: int) -> str:
         every = f"about every {found.period} generations" if found.comes_round >= RETURN else "at irregular times"
         said.append(f"what champions win and lose comes round {every}")
     if "forgetting" in found.labels:
-        said.append(f"late champions lose {found.loss:.0%} of the games that earlier ones won against the same opponents")
+        said.append(
+            f"late champions lose {found.loss:.0%} of the games that earlier ones won against the same opponents"
+        )
     if found.onset is not None:
         side = "wins" if found.late_level > 0.5 else "loses"
         when = "throughout" if found.onset == 0 else f"from generation {found.onset} (of {n}) on"

@@ -79,7 +79,7 @@ def turning_mixtures(random: Generator, n: int) -> _Chances:
 
     size = random.uniform(0.4, 0.5) if sharp < 2 else random.uniform(0.25, 0.5)
     game = mixtures(1.0) @ payoff @ mixtures(random.uniform(0.9, 1.1)).T
-    return np.clip(0.5 + size * game, 0, 1)
+    return np.asarray(np.clip(0.5 + size * game, 0, 1), np.float64)
 
 
 def sawtooth(random: Generator, n: int) -> _Chances:

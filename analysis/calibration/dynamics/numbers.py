@@ -23,8 +23,8 @@ def coevolve(
     random: Generator,
     *,
     starts: tuple[float, float] = (0.0, 0.0),
-    step: float = 0.3,
-    bias: float = 0.0,
+    steps: tuple[float, float] = (0.3, 0.3),
+    biases: tuple[float, float] = (0.0, 0.0),
     selection: bool = True,
     generations: int = 60,
     population: int = 20,
@@ -35,14 +35,14 @@ def coevolve(
     Args:
         game: chance that a number of the first side (a, 1) wins against one of the second (1, b), as (a, b).
         random: all randomness.
-        starts: where either population starts; step, bias: standard deviation and mean of a mutation.
+        starts: where either population starts; steps, biases: standard deviation and mean of a mutation there.
         selection: choose parents in tournaments of two; without it heredity is off as well, and nothing accumulates.
         generations, population, opponents: sizes; each individual meets so many of the other side.
 
     Returns:
         (generations, generations): champions of the first side in rows.
     """
-    sides = [start + random.normal(0, step, population) for start in starts]
+    sides = [start + random.normal(0, step, population) for start, step in zip(starts, steps, strict=True)]
     champions: list[list[float]] = [[], []]
     for _ in range(generations):
         pairs = [random.choice(sides[1 - side], opponents, replace=False) for side in (0, 1)]
@@ -56,9 +56,9 @@ def coevolve(
             if selection:
                 one, two = random.integers(population, size=(2, population))
                 parents = np.where(fitness[side][one] >= fitness[side][two], one, two)
-                sides[side] = sides[side][parents] + random.normal(bias, step, population)
+                sides[side] = sides[side][parents] + random.normal(biases[side], steps[side], population)
             else:
-                sides[side] = starts[side] + random.normal(bias, step, population)
+                sides[side] = starts[side] + random.normal(biases[side], steps[side], population)
     return np.asarray(game(np.array(champions[0])[:, None], np.array(champions[1])[None, :]))
 
 
@@ -79,28 +79,31 @@ def _near(a: _Numbers, b: _Numbers) -> _Numbers:
 
 def greater_number(random: Generator) -> _Numbers:
     """One dimension, transitive: an arms race."""
-    return coevolve(_greater, random, step=random.uniform(0.1, 0.4), generations=int(random.integers(20, 80)))
+    step = random.uniform(0.1, 0.4)
+    return coevolve(_greater, random, steps=(step, step), generations=int(random.integers(20, 80)))
 
 
 def numbers_on_a_clock(random: Generator) -> _Numbers:
     """Intransitive: both sides go round and round."""
-    return coevolve(_clock, random, step=random.uniform(0.3, 0.5), generations=int(random.integers(50, 100)))
+    step = random.uniform(0.3, 0.5)
+    return coevolve(_clock, random, steps=(step, step), generations=int(random.integers(50, 100)))
 
 
 def pursuit(random: Generator) -> _Numbers:
-    """Only the dimension in which the opponent stands now counts (focusing): those of the past are not caught."""
-    return coevolve(_near, random, starts=(0.0, 0.3), step=0.4, bias=0.2, generations=int(random.integers(40, 80)))
+    """Only where the opponent stands now counts (focusing): it goes on and on, and those of the past are lost."""
+    away = random.uniform(0.1, 0.3)
+    return coevolve(_near, random, steps=(0.5, 0.1), biases=(0.0, away), generations=int(random.integers(40, 80)))
 
 
 def far_apart(random: Generator) -> _Numbers:
     """The greater number wins, but one side starts so far ahead that selection sees no difference."""
     ahead = float(random.choice([-1.0, 1.0])) * random.uniform(10, 20)
-    return coevolve(_greater, random, starts=(ahead, 0.0), step=0.1, generations=int(random.integers(20, 80)))
+    return coevolve(_greater, random, starts=(ahead, 0.0), steps=(0.1, 0.1), generations=int(random.integers(20, 80)))
 
 
 def no_selection(random: Generator) -> _Numbers:
     """The greater number wins, but nobody is selected."""
-    return coevolve(_greater, random, selection=False, step=0.3, generations=int(random.integers(20, 80)))
+    return coevolve(_greater, random, selection=False, generations=int(random.integers(20, 80)))
 
 
 GAMES = {

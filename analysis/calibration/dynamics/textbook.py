@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["FAMILIES"]
 
 _Chances = NDArray[np.float64]
 
 
-def _logistic(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _logistic(x: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(1 / (1 + np.exp(-np.clip(x, -50, 50))), np.float64)
 
 
@@ -73,7 +73,7 @@ def both_swing(random: Generator, n: int) -> _Chances:
     turn = 2 * np.pi / random.uniform(3, max(3.5, n / 2))
     phase = random.uniform(0, 2 * np.pi)
     swing = np.sin(turn * i + phase) - random.uniform(0, 1) * np.sin(turn * j + phase - random.uniform(0, np.pi))
-    return _logistic(random.uniform(0.8, 2.5) * swing + random.uniform(0, 0.5) * (i - j) / n)
+    return _logistic(np.float64(random.uniform(0.8, 2.5)) * swing + random.uniform(0, 0.5) * (i - j) / n)
 
 
 def ring(random: Generator, n: int) -> _Chances:
@@ -83,7 +83,7 @@ def ring(random: Generator, n: int) -> _Chances:
     i, j = _grid(n)
     apart = (i // dwell - j // dwell + int(random.integers(kinds))) % kinds
     size = random.uniform(0.2, 0.5)
-    return 0.5 + size * (apart == 1) - size * (apart == kinds - 1)
+    return np.asarray(0.5 + size * (apart == 1) - size * (apart == kinds - 1), np.float64)
 
 
 def wandering_phase(random: Generator, n: int) -> _Chances:

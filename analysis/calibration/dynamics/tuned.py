@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["FAMILIES"]
 
 _Chances = NDArray[np.float64]
 
 
-def _logistic(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _logistic(x: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(1 / (1 + np.exp(-np.clip(x, -50, 50))), np.float64)
 
 
@@ -90,13 +90,14 @@ def rock_paper_scissors(random: Generator, n: int) -> _Chances:
 def ups_and_downs(random: Generator, n: int) -> _Chances:
     """The rows are good and bad in turn against all."""
     turn = 2 * np.pi / max(_period(random, n), 4)
-    wave = np.sin(turn * np.arange(n) + random.uniform(0, 2 * np.pi))
-    wave = np.sign(wave) if random.random() < 0.3 else wave
+    wave: _Chances = np.asarray(np.sin(turn * np.arange(n) + random.uniform(0, 2 * np.pi)), np.float64)
+    if random.random() < 0.3:
+        wave = np.asarray(np.sign(wave), np.float64)
     return _logistic(random.uniform(-0.5, 0.5) + random.uniform(1, 2.5) * wave[:, None] + _luck(random, n, 0.15))
 
 
 def whims(random: Generator, n: int) -> _Chances:
-    """Three strategies, each left for the one that beats it with some chance a generation; each side at its own time."""
+    """Three strategies, each left for the one that beats it by some chance; each side at its own time."""
     leave = random.uniform(0.2, 0.9) if n > 20 else random.uniform(0.5, 0.9)
     rows = np.cumsum(random.random(n) < leave) % 3
     columns = np.cumsum(random.random(n) < leave) % 3

@@ -5,11 +5,13 @@ from __future__ import annotations
 import copy
 import gc
 import itertools
+import math
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -19,6 +21,7 @@ from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
 from coevo.recipes import read_recipe, recipe_names
 from coevo.run import create_run, open_run
+from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 from coevo.tree import Tree
 from coevo.vocabulary import CATEGORIES, SKILLS
 
@@ -177,6 +180,67 @@ def open_page(chromium):
     yield show
     for context in contexts:
         context.close()
+
+
+@np.errstate(divide="ignore", invalid="ignore")
+def _cast(world, state, robot, side):
+    """Return (rows, columns): the object that the ray through each pixel's centre hits first, -1 for none.
+
+    Pinhole optics, written from the settings alone: world coordinates, one ray a pixel, nearest hit wins.
+    """
+    camera, field = world.camera, world.field
+    tilt, heading = math.radians(camera.tilt_deg), state[robot, 2]
+    x = (np.arange(camera.width_px) + 0.5) / camera.width_px * 2.0 - 1.0
+    y = (np.arange(camera.height_px) + 0.5) / camera.height_px * 2.0 - 1.0
+    right, down = np.meshgrid(
+        x * math.tan(math.radians(camera.horizontal_view_deg) / 2.0),
+        y * math.tan(math.radians(camera.vertical_view_deg) / 2.0),
+    )
+    forward = math.cos(tilt) + down * math.sin(tilt)
+    dz = math.sin(tilt) - down * math.cos(tilt)
+    dx = forward * math.cos(heading) + right * math.sin(heading)
+    dy = forward * math.sin(heading) - right * math.cos(heading)
+    hit, best = np.full(dx.shape, -1), np.full(dx.shape, np.inf)
+
+    def offer(thing, distance, where):
+        nearer = where & (distance > 0.0) & (distance < best)
+        hit[nearer], best[nearer] = thing, distance[nearer]
+
+    goals = {0.0: OWN_GOAL, field.length_m: OPPONENT_GOAL}
+    if side == 1:
+        goals = {0.0: OPPONENT_GOAL, field.length_m: OWN_GOAL}
+    for line, thing in goals.items():
+        distance = (line - state[robot, 0]) / dx
+        across = state[robot, 1] + distance * dy - field.width_m / 2.0
+        height = camera.height_m + distance * dz
+        mouth = (np.abs(across) <= field.goal_width_m / 2.0) & (height >= 0.0) & (height <= field.goal_height_m)
+        offer(thing, distance, mouth)
+    best[:] = np.inf  # whatever stands on the field, or in a goal, is before its mouth
+    for body in range(len(state)):
+        ox, oy = state[body, :2] - state[robot, :2]
+        if body == len(state) - 1:
+            radius = world.ball.radius_m
+            oz = radius - camera.height_m
+            square, along = dx * dx + dy * dy + dz * dz, dx * ox + dy * oy + dz * oz
+            under = along**2 - square * (ox * ox + oy * oy + oz * oz - radius**2)
+            offer(BALL, (along - np.sqrt(np.maximum(under, 0.0))) / square, under >= 0.0)
+        elif body != robot:
+            thing = ROBOTS + body - (body > robot)
+            radius, top = world.robot.radius_m, world.robot.height_m
+            square, along = dx * dx + dy * dy, dx * ox + dy * oy
+            under = along**2 - square * (ox * ox + oy * oy - radius**2)
+            distance = (along - np.sqrt(np.maximum(under, 0.0))) / square
+            height = camera.height_m + distance * dz
+            offer(thing, distance, (under >= 0.0) & (height >= 0.0) & (height <= top))
+            distance = (top - camera.height_m) / dz
+            offer(thing, distance, np.hypot(distance * dx - ox, distance * dy - oy) <= radius)
+    return hit
+
+
+@pytest.fixture(scope="session")
+def ray_cast():
+    """Return the reference of the camera: a function of world, state, robot and side."""
+    return _cast
 
 
 @pytest.fixture

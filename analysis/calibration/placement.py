@@ -8,31 +8,94 @@ from __future__ import annotations
 
 import click
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
+from analysis.calibration.hand_typed import (
+    GAMES_OF_ONE_GROUPING,
+    ONCE,
+    PASSER,
+    SHOOTER,
+    needs_opponent,
+    team_trees,
+)
 from analysis.games import play
-from coevo.config import RunSettings
+from coevo.config import GPSettings, RunSettings
 from coevo.console import output_options, show, table
 from coevo.evolution import random_teams
 from coevo.game import SoccerGame
 from coevo.recipes import read_settings
 from coevo.statistics import mean_interval
-from coevo.tree import parse
 
-__all__ = ["placement"]
+__all__ = ["hand_typed_table", "placement", "random_goals"]
 
-_SHOOTER = "IF_ball_is_lost(search, shoot)"
-_PASSER = "IF_ball_is_lost(search, pass)"
-_ONCE = "IF_ball_is_small(search, pass)"  # gives the ball away and stays back
 _TEAMS = {
     "r0 shoots": ("shoot", "search"),
     "r1 shoots": ("search", "shoot"),
     "both shoot": ("shoot", "shoot"),
-    "both search, then shoot": (_SHOOTER, _SHOOTER),
+    "both search, then shoot": (SHOOTER, SHOOTER),
     "r0 passes, r1 shoots": ("pass", "shoot"),
-    "r0 searches, then passes, r1 shoots": (_PASSER, "shoot"),
-    "both search, then r0 passes, r1 shoots": (_PASSER, _SHOOTER),
-    "r0 passes once, r1 shoots": (_ONCE, "shoot"),
+    "r0 searches, then passes, r1 shoots": (PASSER, "shoot"),
+    "both search, then r0 passes, r1 shoots": (PASSER, SHOOTER),
+    "r0 passes once, r1 shoots": (ONCE, "shoot"),
 }
+_OPPONENTS = ("search", SHOOTER)
+
+
+def hand_typed_table(game: SoccerGame, *, games: int, seed: int) -> pd.DataFrame:
+    """Return what hand-typed teams of r0 and r1 come to, a row a team and opponent; all play the same games.
+
+    Args:
+        game: r0 and r1 are a team that evolves.
+        games: of each row.
+        seed: of these games.
+
+    Returns:
+        ``team``; ``opponent``: the tree of the others that evolve, None where none does. In 20 games: ``goals``,
+        ``low``, ``high`` (with the interval over games), ``lost``, ``passes`` of r0, ``kicks_r0``, ``kicks_r1``, ...
+        (steps of contact of each robot) and ``collisions`` of the robot that has most. ``steps`` is of one game.
+
+    Raises:
+        InputError: r0 and r1 are no team that evolves.
+    """
+    rows = []
+    for name, team in _TEAMS.items():
+        for opponent in _OPPONENTS if needs_opponent(game) else (None,):
+            outcome = play(game, team_trees(game, team, opponent), games=games, seed=seed)
+            side = game.roles[0].team
+            goals, lost = outcome.scorer == side, (outcome.scorer >= 0) & (outcome.scorer != side)
+            mean, low, high = (GAMES_OF_ONE_GROUPING * value for value in mean_interval(goals.astype(float)))
+            kicks = GAMES_OF_ONE_GROUPING * outcome.kicks.mean(axis=0)
+            rows.append(
+                {
+                    "team": name,
+                    "opponent": opponent,
+                    "goals": mean,
+                    "low": low,
+                    "high": high,
+                    "lost": GAMES_OF_ONE_GROUPING * float(lost.mean()),
+                    "steps": float(outcome.steps.mean()),
+                    "passes": GAMES_OF_ONE_GROUPING * float(outcome.passes[:, 0].mean()),
+                    **{f"kicks_{role.name}": float(k) for role, k in zip(game.roles, kicks, strict=True)},
+                    "collisions": GAMES_OF_ONE_GROUPING * float(outcome.collisions.mean(axis=0).max()),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def random_goals(game: SoccerGame, settings: GPSettings, *, teams: int, seed: int) -> NDArray[np.int64]:
+    """Return (teams,) goals of r0's team in 20 games, for teams of random trees.
+
+    Args:
+        game: what is played.
+        settings: how trees are made; no more teams than a population has individuals.
+        teams: how many.
+        seed: of the trees, and of the games that all teams play.
+    """
+    drawn = random_teams(game, settings, seed=seed, teams=teams)
+    side = game.roles[0].team
+    goals = [play(game, trees, games=GAMES_OF_ONE_GROUPING, seed=seed).goals_of(side) for trees in drawn]
+    return np.array(goals, np.int64)
 
 
 @click.command()
@@ -54,7 +117,7 @@ def placement(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Measure hand-typed teams and random trees of RECIPE; r2 shoots where it evolves, stands where it does not.
+    """Measure hand-typed teams and random trees of RECIPE; r2 searches, or searches and shoots, where it evolves.
 
     \b
     Example: coevo reproduce placement two-learners
@@ -62,45 +125,42 @@ def placement(
     """
     del quiet  # it shows no progress
     settings = read_settings(RunSettings, recipe, assignments)
-    game, robots = SoccerGame(settings), len(settings.players)
-    rows, data = [], []
-    opponents = (
-        [None, parse("search"), parse(_SHOOTER)] if robots > 2 and settings.players[2].control == "evolve" else [None]
-    )
-    for name, team in _TEAMS.items():
-        for opponent in opponents if robots > 2 else [None]:
-            if robots > 2 and opponent is None and settings.players[2].control == "evolve":
-                continue
-            trees = [parse(team[0]), parse(team[1]), *([opponent] if robots > 2 else [])]
-            outcome = play(game, trees, games=games, seed=seed)
-            goals, lost = outcome.scorer == 0, outcome.scorer == 1
-            low, high = mean_interval(goals.astype(float))[1:]
-            data.append(
-                {
-                    "team": name,
-                    "opponent": None if opponent is None else str(opponent),
-                    "goals": [20.0 * value for value in mean_interval(goals.astype(float))],
-                    "lost": 20.0 * float(lost.mean()),
-                    "steps": float(outcome.steps.mean()),
-                }
-            )
-            rows.append(
-                [
-                    name + ("" if opponent is None else f" / r2: {opponent}"),
-                    f"{20 * goals.mean():.1f} [{20 * low:.1f}, {20 * high:.1f}]",
-                    f"{20 * lost.mean():.1f}",
-                    f"{outcome.steps.mean():.0f}",
-                    f"{20 * outcome.passes[:, 0].mean():.1f}",
-                    " ".join(f"{20 * k:.0f}" for k in outcome.kicks.mean(axis=0)),
-                    f"{20 * outcome.collisions.mean(axis=0).max():.0f}",
-                ]
-            )
-    teams = random_teams(game, settings.gp, seed=seed, teams=random_count)
-    found = np.array([play(game, trees, games=20, seed=seed).goals_of(0) for trees in teams])
-    header = ["team", "goals", "lost", "steps", "passes r0", "kicks", "collisions"]
+    game = SoccerGame(settings)
+    teams = hand_typed_table(game, games=games, seed=seed)
+    found = random_goals(game, settings.gp, teams=random_count, seed=seed)
+    data = {
+        "recipe": recipe,
+        "games": games,
+        "teams": [
+            {
+                **{name: row[name] for name in ("team", "opponent")},
+                "goals": [row[name] for name in ("goals", "low", "high")],
+                **{name: row[name] for name in ("lost", "steps")},
+            }
+            for row in teams.to_dict("records")
+        ],
+        "random_teams": found.tolist(),
+    }
     text = (
-        f"{recipe}: goals of r0 and r1 in 20 games (95 % interval), {games} games a row\n{table(header, rows)}\n"
+        f"{recipe}: goals of r0 and r1 in 20 games (95 % interval), {games} games a row\n{_text(teams)}\n"
         f"random trees ({len(found)} teams, 20 games each): mean {found.mean():.1f},"
         f" standard deviation {found.std():.1f}, best {found.max()}, none in {np.mean(found == 0):.0%}"
     )
-    show({"recipe": recipe, "games": games, "teams": data, "random_teams": found.tolist()}, text, as_json=as_json)
+    show(data, text, as_json=as_json)
+
+
+def _text(teams: pd.DataFrame) -> str:
+    kicks = [name for name in teams.columns if name.startswith("kicks_")]
+    rows = [
+        [
+            row["team"] + ("" if row["opponent"] is None else f" / r2: {row['opponent']}"),
+            f"{row['goals']:.1f} [{row['low']:.1f}, {row['high']:.1f}]",
+            f"{row['lost']:.1f}",
+            f"{row['steps']:.0f}",
+            f"{row['passes']:.1f}",
+            " ".join(f"{row[name]:.0f}" for name in kicks),
+            f"{row['collisions']:.0f}",
+        ]
+        for row in teams.to_dict("records")
+    ]
+    return table(["team", "goals", "lost", "steps", "passes r0", "kicks", "collisions"], rows)

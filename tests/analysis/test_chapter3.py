@@ -155,7 +155,11 @@ def test_only_whole_sets_are_read(folder):
 def paths(chart):
     """Return the corners of each line of a chart, (points, 2) in pixels, a list for each unbroken piece."""
     root = ET.fromstring(chart_bytes(chart, ".svg"))  # noqa: S314 - our own
-    lines = [e.attrib["d"] for e in root.iter("{http://www.w3.org/2000/svg}path") if e.get("aria-roledescription") == "line mark"]
+    lines = [
+        e.attrib["d"]
+        for e in root.iter("{http://www.w3.org/2000/svg}path")
+        if e.get("aria-roledescription") == "line mark"
+    ]
     return [
         [np.array(piece.replace("L", ",").split(","), float).reshape(-1, 2) for piece in d.split("M")[1:]]
         for d in lines

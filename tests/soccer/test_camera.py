@@ -76,61 +76,6 @@ def random_state(rng, robots):
     return state
 
 
-@np.errstate(divide="ignore", invalid="ignore")
-def cast(world, state, robot, side):
-    """Return (rows, columns): the object that the ray through each pixel's centre hits first, -1 for none.
-
-    Pinhole optics, written from the settings alone: world coordinates, one ray a pixel, nearest hit wins.
-    """
-    camera, field = world.camera, world.field
-    tilt, heading = math.radians(camera.tilt_deg), state[robot, 2]
-    x = (np.arange(camera.width_px) + 0.5) / camera.width_px * 2.0 - 1.0
-    y = (np.arange(camera.height_px) + 0.5) / camera.height_px * 2.0 - 1.0
-    right, down = np.meshgrid(
-        x * math.tan(math.radians(camera.horizontal_view_deg) / 2.0),
-        y * math.tan(math.radians(camera.vertical_view_deg) / 2.0),
-    )
-    forward = math.cos(tilt) + down * math.sin(tilt)
-    dz = math.sin(tilt) - down * math.cos(tilt)
-    dx = forward * math.cos(heading) + right * math.sin(heading)
-    dy = forward * math.sin(heading) - right * math.cos(heading)
-    hit, best = np.full(dx.shape, -1), np.full(dx.shape, np.inf)
-
-    def offer(thing, distance, where):
-        nearer = where & (distance > 0.0) & (distance < best)
-        hit[nearer], best[nearer] = thing, distance[nearer]
-
-    goals = {0.0: OWN_GOAL, field.length_m: OPPONENT_GOAL}
-    if side == 1:
-        goals = {0.0: OPPONENT_GOAL, field.length_m: OWN_GOAL}
-    for line, thing in goals.items():
-        distance = (line - state[robot, 0]) / dx
-        across = state[robot, 1] + distance * dy - field.width_m / 2.0
-        height = camera.height_m + distance * dz
-        mouth = (np.abs(across) <= field.goal_width_m / 2.0) & (height >= 0.0) & (height <= field.goal_height_m)
-        offer(thing, distance, mouth)
-    best[:] = np.inf  # whatever stands on the field, or in a goal, is before its mouth
-    for body in range(len(state)):
-        ox, oy = state[body, :2] - state[robot, :2]
-        if body == len(state) - 1:
-            radius = world.ball.radius_m
-            oz = radius - camera.height_m
-            square, along = dx * dx + dy * dy + dz * dz, dx * ox + dy * oy + dz * oz
-            under = along**2 - square * (ox * ox + oy * oy + oz * oz - radius**2)
-            offer(BALL, (along - np.sqrt(np.maximum(under, 0.0))) / square, under >= 0.0)
-        elif body != robot:
-            thing = ROBOTS + body - (body > robot)
-            radius, top = world.robot.radius_m, world.robot.height_m
-            square, along = dx * dx + dy * dy, dx * ox + dy * oy
-            under = along**2 - square * (ox * ox + oy * oy - radius**2)
-            distance = (along - np.sqrt(np.maximum(under, 0.0))) / square
-            height = camera.height_m + distance * dz
-            offer(thing, distance, (under >= 0.0) & (height >= 0.0) & (height <= top))
-            distance = (top - camera.height_m) / dz
-            offer(thing, distance, np.hypot(distance * dx - ox, distance * dy - oy) <= radius)
-    return hit
-
-
 def measure(pixels, thing):
     """Return the features of a set of pixels (rows, columns) bool, pixel by pixel."""
     columns = range(pixels.shape[1])
@@ -149,7 +94,7 @@ def measure(pixels, thing):
     return [*centre, *corners, area]
 
 
-def same_pixels(world, state, robot, side):
+def same_pixels(cast, world, state, robot, side):
     """Return for each object that either way sees whether it is the same, and by how many pixels it differs."""
     features, areas = look(world, state, robot, side)
     hit = cast(world, state, robot, side)
@@ -174,12 +119,12 @@ def test_focal_lengths_are_those_of_the_dissertation():
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_every_feature_is_that_of_a_ray_cast(name):
+def test_every_feature_is_that_of_a_ray_cast(name, ray_cast):
     world, rng = with_camera(CAMERAS[name]), np.random.default_rng(1)
     same, differences = [], []
     for trial in range(1000 if name == "standard" else 250):
         robots = 1 + trial % 6
-        found = same_pixels(world, random_state(rng, robots), int(rng.integers(robots)), trial // 6 % 2)
+        found = same_pixels(ray_cast, world, random_state(rng, robots), int(rng.integers(robots)), trial // 6 % 2)
         same += found[0]
         differences += found[1]
     assert len(same) > (1000 if name == "standard" else 250)  # enough was in view
@@ -187,13 +132,14 @@ def test_every_feature_is_that_of_a_ray_cast(name):
     assert max(differences) <= 1.0
 
 
-def test_robots_that_touch_are_those_of_a_ray_cast():
+def test_robots_that_touch_are_those_of_a_ray_cast(ray_cast):
     rng, differences = np.random.default_rng(2), []
     for _ in range(300):
         heading, distance = rng.uniform(-math.pi, math.pi), rng.uniform(0.4, 0.5)
         bearing = heading + rng.uniform(-1.2, 1.2)
         beside = 4.0 + distance * math.cos(bearing), 2.0 + distance * math.sin(bearing)
-        differences += same_pixels(WORLD, state_of((4.0, 2.0, math.degrees(heading)), beside, (7.5, 4.2)), 0, 0)[1]
+        state = state_of((4.0, 2.0, math.degrees(heading)), beside, (7.5, 4.2))
+        differences += same_pixels(ray_cast, WORLD, state, 0, 0)[1]
     assert len(differences) > 250
     assert max(differences) <= 1.0
 

@@ -22,8 +22,10 @@ from analysis.tournament import (
 )
 from coevo.contest import Judged, judge
 from coevo.evolution.evaluation import Evaluator
+from coevo.game import SoccerGame, programs_of
+from coevo.replay import game_recording, make_page
 from coevo.run import Run
-from coevo.usage import UsedTree, used_tree
+from coevo.usage import UsedTree, play_seeds, used_tree
 
 __all__ = ["Findings", "find_out"]
 
@@ -31,6 +33,7 @@ _GENERATIONS = 15  # of a tournament that is played for a report
 _GAMES = 20  # of a pair
 _OUTSIDE = 40  # of a generation against an outsider
 _REPEATS = 4
+_WATCHED = 3  # games to watch
 _UNSEEN = 400  # games by which the last champions are judged
 
 
@@ -47,6 +50,7 @@ class Findings:
         left: how much of champions' advantage is left when they play again.
         trees: the champion of each robot of the last generation, with its use.
         ancestries: where these came from.
+        replay: a page that plays games of the last champions; empty where the game has no pictures.
     """
 
     run: Run
@@ -57,6 +61,7 @@ class Findings:
     left: Sequence[Left]
     trees: Sequence[UsedTree]
     ancestries: Sequence[Ancestry]
+    replay: str
 
     @property
     def sides(self) -> dict[int, str]:
@@ -98,4 +103,18 @@ def find_out(run: Run, evaluator: Evaluator, tell: Callable[[str], None]) -> Fin
         )
         for tree in trees
     ]
-    return Findings(run, judged, tournament, diagnoses(tournament), against, left, trees, ancestries)
+    found = diagnoses(tournament)
+    return Findings(run, judged, tournament, found, against, left, trees, ancestries, _replay(run))
+
+
+def _replay(run: Run) -> str:
+    """Return a page that plays games between the last champions."""
+    game = run.game
+    if not isinstance(game, SoccerGame):
+        return ""
+    names = [run.evolving.get(role) for role in range(len(game.roles))]
+    trees = [None if name is None else run.tree(name, run.finished - 1) for name in names]
+    programs = programs_of(game, trees)
+    traces = [game.arena.trace(programs, seed)[1] for seed in play_seeds(run.config.seed, _WATCHED)]
+    name = f"{run.config.name}: the best of generation {run.finished - 1}"
+    return make_page(game_recording(game.settings, traces, trees=trees, name=name))

@@ -8,6 +8,7 @@ from typing import Any
 from analysis.report.gather import find_out
 from analysis.report.one import sections_of, title_of
 from analysis.report.page import render
+from analysis.report.several import compare, sections_of_several
 from analysis.report.words import in_short
 from coevo.evolution.evaluation import Evaluator
 from coevo.game import prepare
@@ -29,11 +30,19 @@ def make_report(
     Raises:
         InputError: a run has no finished generation, or a chart cannot be made.
     """
+    made = "Made by coevo. Everything on this page is in it: nothing is loaded from elsewhere."
+    for run in runs:
+        prepare(run.config, tell)
+    if len(runs) > 1:
+        compared = compare(runs, workers=workers, backend=backend, tell=tell)
+        tell("Drawing ...")
+        sections, short = sections_of_several(compared)
+        title = f"{len(runs)} runs: {', '.join(dict.fromkeys(compared.groups.values()))}"
+        return render(title, ", ".join(compared.names), sections, made), {"runs": len(runs), "short": short}
     (run,) = runs
-    prepare(run.config, tell)
     with Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator:
         findings = find_out(run, evaluator, tell)
     tell("Drawing ...")
     title, under = title_of(run)
     short = in_short(run, findings.judged, findings.diagnoses, findings.left)
-    return render(title, under, sections_of(findings, ""), f"Made by coevo from {run.path}."), {"short": short}
+    return render(title, under, sections_of(findings), made), {"runs": 1, "short": short}

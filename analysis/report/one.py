@@ -41,16 +41,11 @@ __all__ = ["figure", "sections_of", "title_of"]
 _MISFIT = 1.5
 
 
-def sections_of(findings: Findings, replay: str) -> list[Section]:
-    """Return all sections.
-
-    Args:
-        findings: about the run.
-        replay: a page that plays some games; empty for none.
-    """
+def sections_of(findings: Findings) -> list[Section]:
+    """Return all sections of a run's page."""
     sections = [_short(findings), _curves(findings.run), _progress(findings), _robots(findings), _ancestry(findings)]
-    if replay:
-        sections.append(_games(replay))
+    if findings.replay:
+        sections.append(_games(findings.replay))
     return [*sections, _settings(findings.run)]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import altair as alt
 import pandas as pd
 
-__all__ = ["against_chart", "master_chart", "matrix_chart", "ratings_chart"]
+__all__ = ["against_chart", "cross_chart", "master_chart", "matrix_chart", "ratings_chart"]
 
 _CELLS = 360  # of a matrix, side length [px]
 
@@ -88,4 +88,29 @@ def ratings_chart(table: pd.DataFrame, sides: dict[int, str]) -> alt.TopLevelMix
     )
     band = base.mark_area(opacity=0.18).encode(y=alt.Y("low:Q", title="rating [points]"), y2="high:Q")
     chart: alt.TopLevelMixin = (band + base.mark_line().encode(y="rating:Q")).properties(width=460, height=240)
+    return chart
+
+
+def cross_chart(table: pd.DataFrame) -> alt.TopLevelMixin:
+    """Return the matrices of ``analysis.tournament.cross_play``, a panel a side."""
+    runs = len(table["run"].unique())
+    size = max(140, min(_CELLS, 26 * runs))
+    order = list(dict.fromkeys(table["run"]))
+    chart: alt.TopLevelMixin = (
+        alt.Chart(table)
+        .mark_rect()
+        .encode(
+            x=alt.X("met:O", title="met", sort=list(dict.fromkeys(table["met"]))),
+            y=alt.Y("run:O", title=None, sort=order),
+            color=alt.Color(
+                "share:Q",
+                title="games won",
+                scale=alt.Scale(scheme="viridis", domain=[0.0, 1.0]),
+                legend=alt.Legend(format=".0%", type="gradient"),
+            ),
+            tooltip=["side:N", "run:N", "met:N", alt.Tooltip("share:Q", title="won", format=".0%")],
+        )
+        .properties(width=size, height=size)
+        .facet(column=alt.Column("side:N", title=None, header=alt.Header(labelFontWeight="bold")))
+    )
     return chart

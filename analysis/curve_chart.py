@@ -178,7 +178,8 @@ class _Encoding:
             orient="bottom", title=None, symbolSize=400, symbolOpacity=1, labelLimit=500, columnPadding=24
         )
         scale = alt.Scale(domain=list(values), range=list(values.values()))
-        return channel(f"{column}:N", scale=scale, legend=legend if len(values) > 1 else None, sort=None)
+        # Ordinal: Vega-Lite warns of widths for what has no order.
+        return channel(f"{column}:O", scale=scale, legend=legend if len(values) > 1 else None, sort=list(values))
 
     def panel(
         self, part: pd.DataFrame, y_title: list[str] | None, x_title: str | None, domain: tuple[float, float]

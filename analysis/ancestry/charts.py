@@ -118,7 +118,7 @@ def origin_chart(ancestry: Ancestry) -> alt.LayerChart:
                 scale=alt.Scale(domain=shown, range=[colours[kind] for kind in shown]),
                 legend=alt.Legend(symbolType="square", symbolStrokeWidth=0, symbolOpacity=1, orient="bottom"),
             ),
-            order=alt.Order("kind:N"),
+            order=alt.Order("kind:O"),
             tooltip=["generation", "operator", "use", "nodes"],
         )
     )

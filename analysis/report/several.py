@@ -120,7 +120,10 @@ def _in_short(found: Comparison, improvements: pd.DataFrame, groups: Sequence[st
     if found.cross.empty:
         texts.append("They are about different games or worlds: their champions cannot meet, and are judged apart.")
         return texts
-    for side, group, other, probability, low, high in improvements.itertuples(index=False):
+    for side, *pair, probability, low, high in improvements.itertuples(index=False):
+        group, other = pair if probability >= 0.5 else reversed(pair)
+        if probability < 0.5:
+            probability, low, high = 1.0 - probability, 1.0 - high, 1.0 - low  # noqa: PLW2901 - said the other way round
         certain = "" if low > 0.5 or high < 0.5 else ", which these runs cannot tell from a toss of a coin"
         texts.append(
             f"{side}: a run of {group} makes better last champions than one of {other} with probability"

@@ -18,6 +18,7 @@ from coevo.fitness import Scorer
 from coevo.records import GenerationRecord
 from coevo.run import Run
 from coevo.seeds import RunStream, game_seeds, generator
+from coevo.statistics import LEVEL
 from coevo.tree import Program, compile_program
 
 __all__ = ["Left", "left_over", "play_again"]
@@ -126,7 +127,7 @@ class Left:
 
 
 def left_over(table: pd.DataFrame) -> list[Left]:
-    """Return for each robot how much of its champions' advantage is left.
+    """Return for each robot how much of its champions' advantage is left; nothing for one whose champions had none.
 
     The share is that of sums over generations, as single advantages may be small. The interval is a bootstrap over
     generations, which are alike in a run; what another run would give, only other runs tell.
@@ -139,20 +140,15 @@ def left_over(table: pd.DataFrame) -> list[Left]:
         first = (rows["mean"] - rows["fitness"]).to_numpy()
         again = (rows["mean"] - rows["again"]).to_numpy()
         total = float(first.sum())
-        share = float(again.sum()) / total if total else 0.0
+        if total <= 0.0:
+            continue
+        share = float(again.sum()) / total
         low = high = share
-        if len(rows) > 2 and total:
-            from scipy import stats
-
-            interval = stats.bootstrap(
-                (again, first),
-                lambda a, f, axis=-1: a.sum(axis=axis) / f.sum(axis=axis),
-                paired=True,
-                vectorized=True,
-                method="percentile",
-                n_resamples=_RESAMPLES,
-                rng=np.random.default_rng(0),
-            ).confidence_interval
-            low, high = float(interval.low), float(interval.high)
+        if len(rows) > 2:
+            drawn = np.random.default_rng(0).integers(len(rows), size=(_RESAMPLES, len(rows)))
+            advantage = first[drawn].sum(axis=1)
+            some = advantage > 0.0  # a draw of generations without any says nothing
+            ratios = again[drawn].sum(axis=1)[some] / advantage[some]
+            low, high = (float(q) for q in np.quantile(ratios, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL]))
         found.append(Left(str(robot), share, low, high, len(rows)))
     return found

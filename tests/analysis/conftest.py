@@ -70,3 +70,9 @@ def ladder(tmp_path_factory):
         return open_run(run.path)
 
     return run_of
+
+
+@pytest.fixture(scope="session")
+def ladder_run(ladder):
+    """Return a finished run of the ladder between two teams."""
+    return ladder(2)

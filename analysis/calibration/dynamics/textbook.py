@@ -93,6 +93,15 @@ def wandering_phase(random: Generator, n: int) -> _Chances:
     return np.asarray(0.5 + random.uniform(0.15, 0.5) * np.sin(phase[:, None] - phase[None, :] + random.uniform(0, 6)))
 
 
+def boom_and_bust(random: Generator, n: int) -> _Chances:
+    """The rows grow faster and faster, and crash, over and over; against all, or against each opponent at its time."""
+    i, j = _grid(n)
+    time = (i - (j if random.random() < 0.3 else 0)) / random.uniform(3, max(3.5, n / 2.2)) + random.random()
+    growth = random.uniform(0.5, 3)
+    low, high = random.uniform(0, 0.25), random.uniform(0.6, 1)
+    return np.asarray(low + (high - low) * np.expm1(growth * (time % 1)) / np.expm1(growth), np.float64)
+
+
 # ----------------------------------------------------------------------------------------------------- forgetting
 
 
@@ -169,7 +178,7 @@ def level_with_luck(random: Generator, n: int) -> _Chances:
 
 FAMILIES = {
     "progress": (newer_wins, linear_gap, s_curve, ratings_with_drift),
-    "cycling": (matching_pennies, both_swing, ring, wandering_phase),
+    "cycling": (matching_pennies, both_swing, ring, wandering_phase, boom_and_bust),
     "forgetting": (short_reach, linear_decay, skills_overwritten, late_collapse),
     "disengagement": (never_engaged, late_block),
     "stagnation": (any_share, level_with_luck),

@@ -39,6 +39,7 @@ def run_names(runs: Sequence[Run]) -> list[str]:
     """Return the names of runs: those of their folders, with folders above where names would be equal.
 
     Example:
+        >>> from pathlib import Path
         >>> from analysis.groups import run_names
         >>> from coevo.recipes import read_experiment
         >>> from coevo.run import create_run

@@ -116,9 +116,7 @@ def test_curves(follow, capsys):
     folder = follow("curves.md")
     pictures = ("first.svg", "goals.svg", "groups.svg")
     assert all("<svg" in (folder / name).read_text(encoding="utf-8") for name in pictures)
-    (text,) = [
-        text for kind, text in BLOCK.findall((DOCS / "how-to/curves.md").read_text("utf-8")) if kind == "python"
-    ]
+    (text,) = [text for kind, text in BLOCK.findall((DOCS / "how-to/curves.md").read_text("utf-8")) if kind == "python"]
     names = {}
     exec(text, names)  # noqa: S102 - of our own page
     assert "first" in capsys.readouterr().out

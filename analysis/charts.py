@@ -7,6 +7,7 @@ in Vega-Lite; vl-convert makes pictures and offline pages of it, without a brows
 from __future__ import annotations
 
 import importlib.util
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -101,7 +102,14 @@ def chart_bytes(chart: alt.TopLevelMixin, suffix: str) -> bytes:
         return png
     if suffix == ".html":
         return str(vl_convert.vegalite_to_html(spec, bundle=True)).encode()
-    return str(vl_convert.vegalite_to_svg(spec)).encode()
+    return _renumbered(str(vl_convert.vegalite_to_svg(spec))).encode()
+
+
+def _renumbered(svg: str) -> str:
+    """Return a picture whose clip paths are numbered from 1: Vega goes on counting from one picture to the next."""
+    old = dict.fromkeys(re.findall(r'id="(clip\d+)"', svg))
+    new = {name: f"clip{number}" for number, name in enumerate(old, start=1)}
+    return re.sub(r'(id="|url\(#)(clip\d+)', lambda found: found[1] + new[found[2]], svg)
 
 
 def save(chart: alt.TopLevelMixin | None, table: pd.DataFrame, path: Path) -> None:

@@ -160,7 +160,7 @@ class _Encoding:
         groups = [str(group) for group in dict.fromkeys(curves["group"])]
         self._statistics = [name for name in STATISTICS if name in set(curves["statistic"])]
         self._banded = [name for name in self._statistics if name != "worst"] or self._statistics
-        self._generations = alt.Scale(domain=[0, max(1, int(curves["generation"].max()))], nice=False)
+        self._last = max(1, int(curves["generation"].max()))
         if len(groups) == 1:
             self._colour = self._channel(alt.Color, "statistic", {name: _ONE_GROUP[name] for name in self._statistics})
         else:
@@ -174,9 +174,8 @@ class _Encoding:
     def _channel(self, channel: Any, column: str, values: Mapping[str, Any]) -> Any:
         """Return a channel with a value for each word of a column, and a legend if there are several."""
         alt = self._alt
-        legend = alt.Legend(
-            orient="bottom", title=None, symbolSize=400, symbolOpacity=1, labelLimit=500, columnPadding=24
-        )
+        symbols = {"symbolType": "stroke", "symbolSize": 400, "symbolOpacity": 1}
+        legend = alt.Legend(orient="bottom", title=None, labelLimit=500, columnPadding=24, **symbols)
         scale = alt.Scale(domain=list(values), range=list(values.values()))
         # Ordinal: Vega-Lite warns of widths for what has no order.
         return channel(f"{column}:O", scale=scale, legend=legend if len(values) > 1 else None, sort=list(values))
@@ -186,8 +185,9 @@ class _Encoding:
     ) -> Any:
         """Return the lines and bands of one robot and measure."""
         alt = self._alt
-        generations = alt.Axis(tickMinStep=1, tickCount=6, grid=False, format="d")
-        x = alt.X("generation:Q", title=x_title, axis=generations, scale=self._generations)
+        generations = alt.Axis(tickCount=min(6, self._last), grid=False, format="d")
+        within = alt.Scale(domain=[0, self._last], nice=False)
+        x = alt.X("generation:Q", title=x_title, axis=generations, scale=within)
         decimals = max(0, 2 - int(np.floor(np.log10(domain[1] - domain[0]))))
         up = {
             "title": y_title,

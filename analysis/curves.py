@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from analysis.diversity import distinct_trees, evenness, top_of
 from analysis.groups import open_runs, run_names
 from coevo.errors import InputError, nearest_name
-from coevo.records import best_first
+from coevo.records import GenerationRecord, read_record
 from coevo.run import Run
 from coevo.statistics import bootstrap_interval
 from coevo.tree import FunctionSet
@@ -26,7 +26,6 @@ __all__ = ["COLUMNS", "STATISTICS", "choose", "overview", "summary", "table"]
 
 COLUMNS = ("run", "generation", "robot", "measure", "statistic", "value")
 STATISTICS = ("best", "mean", "worst")
-_CHOSE = "chose_"  # columns of individuals.parquet: in how many steps a terminal was chosen
 _CELL = ["generation", "robot", "measure", "statistic"]
 _FAMILIES = ("use", "diversity")  # measures whose names begin so are asked for together
 
@@ -52,10 +51,19 @@ def table(runs: str | Path | Run | Sequence[str | Path | Run]) -> pd.DataFrame:
         InputError: one is no run, is named twice, or has no finished generation.
 
     Example:
-        >>> import pandas as pd
+        >>> from pathlib import Path
         >>> from analysis.curves import table
-        >>> best = table("runs/smoke-seed0").query("statistic == 'best' and robot == 'r0'")
-        >>> best.pivot(index="generation", columns="measure", values="value")["goals"].max() >= 0.0
+        >>> from coevo.evolution import evolve
+        >>> from coevo.evolution.evaluation import Evaluator
+        >>> from coevo.recipes import read_experiment
+        >>> from coevo.run import create_run
+        >>> small = ["gp.population=4", "gp.generations=2", "gp.tournament=2", "evaluation.games=1"]
+        >>> run = create_run(Path("runs/small"), read_experiment("smoke", small))
+        >>> with Evaluator(run.config, workers=1, backend="threads") as evaluator:
+        ...     evolve(run, evaluator, lambda _: None)
+        >>> curves = table("runs/small")
+        >>> best = curves.query("robot == 'r0' and measure == 'fitness' and statistic == 'best'")
+        >>> best["value"].tolist() == run.generations.query("robot == 'r0'")["fitness_best"].tolist()
         True
     """
     opened = open_runs(runs)
@@ -75,44 +83,37 @@ def _of_run(run: Run, name: str) -> pd.DataFrame:
     individuals = run.individuals
     if individuals.empty:
         raise InputError(f"{run.path} has no finished generation yet; go on with 'coevo resume {run.path}'")
-    functions = {robot: run.game.function_set(role) for role, robot in run.evolving.items()}
+    numbers = {robot: role for role, robot in run.evolving.items()}
     rows = []
     for key, population in individuals.groupby(["generation", "robot"], sort=False):
         generation, robot = cast("tuple[int, str]", key)
-        found = _of_population(population, run.game.counts, functions[robot])
-        rows += [_Row(generation, robot, *one) for one in found]
+        functions = run.game.function_set(numbers[robot])
+        record = read_record(numbers[robot], robot, population, run.game.counts, functions.terminals)
+        rows += [_Row(generation, robot, *one) for one in _of_record(record, functions)]
     frame = pd.DataFrame(rows, columns=_Row._fields)
     frame.insert(0, "run", name)
     return frame
 
 
-def _of_population(
-    population: pd.DataFrame, counts: Sequence[str], functions: FunctionSet
-) -> Iterator[tuple[str, str, float]]:
+def _of_record(record: GenerationRecord, functions: FunctionSet) -> Iterator[tuple[str, str, float]]:
     """Yield measure, statistic and value of one robot's individuals in one generation."""
-    values = {name: population[name].to_numpy() for name in ("fitness", *counts, "depth", "nodes")}
-    order = best_first(values["fitness"], values["depth"])
-    for measure, of_each in (values | _uses(population, counts, functions.terminals)).items():
-        known = of_each[~np.isnan(of_each)]
-        numbers = (of_each[order[0]], known.mean() if len(known) else np.nan, of_each[order[-1]])
+    sizes = {"depth": record.depth, "nodes": record.nodes}
+    best, worst = record.order[0], record.order[-1]
+    for measure, values in {"fitness": record.fitness, **record.counts, **sizes, **_uses(record)}.items():
+        known = values[~np.isnan(values)]
+        numbers = (values[best], known.mean() if len(known) else np.nan, values[worst])
         for statistic, number in zip(STATISTICS, numbers, strict=True):
             yield measure, statistic, float(number)
-    trees = [np.asarray(tree, np.uint8) for tree in population["tree"]]
-    yield "diversity_trees", "mean", distinct_trees(trees)
-    yield "diversity_tops", "mean", evenness([top_of(tree, functions) for tree in trees])
+    yield "diversity_trees", "mean", distinct_trees(record.codes)
+    yield "diversity_tops", "mean", evenness([top_of(tree, functions) for tree in record.codes])
 
 
-def _uses(population: pd.DataFrame, counts: Sequence[str], terminals: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+def _uses(record: GenerationRecord) -> dict[str, NDArray[np.float64]]:
     """Return the share of each terminal in each individual's decisions, (individuals,); NaN where it made none."""
-    chosen = {
-        name: population[_CHOSE + name].to_numpy(np.float64)
-        for name in terminals
-        if _CHOSE + name in population and _CHOSE + name not in counts
-    }
-    total = np.sum(list(chosen.values()), axis=0)
+    total = np.sum(list(record.chosen.values()), axis=0)
     return {
         f"use_{name}": np.divide(steps, total, out=np.full(len(steps), np.nan), where=total > 0)
-        for name, steps in chosen.items()
+        for name, steps in record.chosen.items()
     }
 
 
@@ -130,7 +131,7 @@ def choose(curves: pd.DataFrame, measures: Sequence[str] = (), statistics: Seque
     chosen = [one for name in measures or _shared(curves) for one in _named(name, curves)]
     found = curves[curves["measure"].isin(chosen) & curves["statistic"].isin(statistics)]
     if found.empty:
-        raise InputError(f"{', '.join(chosen)}: expected one of the statistics mean, got {', '.join(statistics)}")
+        raise InputError(f"{' and '.join(chosen)} have the statistic mean only, not {' or '.join(statistics)}")
     rank = {name: number for number, name in enumerate(dict.fromkeys(chosen))}
     order = found["measure"].map(rank).argsort(kind="stable")
     return found.iloc[order].reset_index(drop=True)
@@ -175,6 +176,14 @@ def summary(curves: pd.DataFrame, groups: Mapping[str, str] | None = None, estim
     Returns:
         Columns ``group``, ``generation``, ``robot``, ``measure``, ``statistic``, ``value``, ``low``, ``high`` and
         ``runs``: how many runs have come so far. ``low`` and ``high`` are a 95 % interval over runs, NaN of one run.
+
+    Example:
+        >>> import pandas as pd
+        >>> from analysis.curves import COLUMNS, summary
+        >>> curves = pd.DataFrame([(f"seed{n}", 0, "r0", "goals", "best", 3.0 + n) for n in range(3)], columns=COLUMNS)
+        >>> found = summary(curves).iloc[0]
+        >>> print(f"{found['value']:.1f} [{found['low']:.1f}, {found['high']:.1f}] of {found['runs']} runs")
+        4.0 [1.5, 6.5] of 3 runs
     """
     of_run = curves["run"].map(dict.fromkeys(curves["run"], "all runs") if groups is None else dict(groups))
     frames = []

@@ -39,6 +39,7 @@ def run_names(runs: Sequence[Run]) -> list[str]:
     """Return the names of runs: those of their folders, with folders above where names would be equal.
 
     Example:
+        >>> from pathlib import Path
         >>> from analysis.groups import run_names
         >>> from coevo.recipes import read_experiment
         >>> from coevo.run import create_run
@@ -75,9 +76,10 @@ def group_names(runs: Sequence[Run]) -> dict[str, str]:
 
 
 def _differences(flat: Mapping[str, Any], alike: Sequence[Mapping[str, Any]]) -> str:
-    settings = dict.fromkeys(setting for one in alike for setting in one)
-    differ = [setting for setting in settings if any(one.get(setting) != flat.get(setting) for one in alike)]
-    told = [f"{setting}={_text(flat[setting])}" for setting in differ if setting in flat]
+    values = {setting: {repr(one.get(setting)) for one in alike} for one in alike for setting in one}
+    differ = [setting for setting, found in values.items() if len(found) > 1 and setting in flat]
+    differ.sort(key=lambda setting: -len(values[setting]))  # those first that tell the most groups apart
+    told = [f"{setting}={_text(flat[setting])}" for setting in differ]
     more = f" and {len(told) - _MOST_SETTINGS} more" if len(told) > _MOST_SETTINGS else ""
     return ", ".join(told[:_MOST_SETTINGS]) + more
 

@@ -147,7 +147,7 @@ def bootstrap_interval(
         >>> from coevo.statistics import bootstrap_interval
         >>> value, low, high = bootstrap_interval([3.0, 4.0, 4.0, 5.0, 5.0, 6.0, 7.0, 7.0, 8.0, 40.0], "iqm")
         >>> print(f"{value:.2f} [{low:.2f}, {high:.2f}]")
-        5.67 [4.33, 9.17]
+        5.67 [4.33, 12.50]
     """
     data = _checked(values, estimator)
     runs = len(data)
@@ -190,7 +190,7 @@ def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> tuple[flo
     Example:
         >>> from coevo.statistics import probability_of_improvement
         >>> print("{:.2f} [{:.2f}, {:.2f}]".format(*probability_of_improvement([4, 5, 6], [1, 2, 3])))
-        1.00 [0.56, 1.00]
+        1.00 [0.50, 1.00]
     """
     x, y = np.asarray(first, np.float64).ravel(), np.asarray(second, np.float64).ravel()
     if not len(x) or not len(y):

@@ -16,7 +16,12 @@ import coevo
 # What the README, the how-tos and other programs call.
 PUBLIC = (
     "analysis.ancestry.inheritance.ancestors",
+    "analysis.curves.summary",
+    "analysis.curves.table",
+    "analysis.diversity.distinct_trees",
+    "analysis.diversity.evenness",
     "analysis.games.play",
+    "analysis.groups.run_names",
     "behaviors.coordination.isodata.isodata",
     "behaviors.learning.evaluate",
     "behaviors.learning.learn",
@@ -41,7 +46,10 @@ PUBLIC = (
     "coevo.skill.model.load_skill",
     "coevo.skill.model.read_card",
     "coevo.soccer.drive.action_set",
+    "coevo.statistics.bootstrap_interval",
+    "coevo.statistics.estimate",
     "coevo.statistics.mean_interval",
+    "coevo.statistics.probability_of_improvement",
     "coevo.statistics.share_interval",
     "coevo.tree.draw.as_text",
     "coevo.tree.functions.FunctionSet",

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -16,7 +18,7 @@ from scipy import stats
 from statsmodels.stats.nonparametric import rank_compare_2indep
 from statsmodels.stats.proportion import proportion_confint
 
-from analysis.calibration.coverage import DISTRIBUTIONS, covered, improvement_covered
+from analysis.calibration.coverage import DISTRIBUTIONS, coverage, covered, improvement_covered
 from coevo.statistics import (
     LEVEL,
     bootstrap_interval,
@@ -192,6 +194,19 @@ def test_of_one_run_each_the_interval_is_wilsons_of_one_trial():
 @pytest.mark.parametrize("runs", [5, 10])
 def test_intervals_of_the_probability_of_improvement_hold_it(shift, runs):
     assert 0.92 < improvement_covered(shift, runs=runs, sets=1000) < 0.985
+
+
+def test_the_table_of_coverage_is_made_by_a_command():
+    said = CliRunner().invoke(coverage, ["--sets", "50", "--runs", "10", "--json", "-q"], catch_exceptions=False)
+    found = json.loads(said.stdout)
+    assert [one["distribution"] for one in found["intervals"]] == list(DISTRIBUTIONS)
+    for one in found["intervals"]:
+        assert (
+            one["methods"]["used"]
+            == one["iqm"]["10"]
+            == covered(one["distribution"], runs=10, sets=50, estimator="iqm")["used"]
+        )
+    assert set(found["improvement"]) == {"0", "1", "2"}
 
 
 def test_scipy_is_loaded_only_when_an_interval_is_asked_for():

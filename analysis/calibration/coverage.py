@@ -6,7 +6,7 @@ The methods beside the one that is used are here to compare with; see docs/decis
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import click
@@ -49,6 +49,7 @@ _TRUTH = 1_000_000  # draws that the true value is taken from
 _ROUNDING = 1e-9
 
 
+@cache
 def truth(name: str, estimator: str) -> float:
     """Return the mean of a distribution, or that of its middle half, from many draws."""
     drawn = np.sort(DISTRIBUTIONS[name](np.random.default_rng(0), (_TRUTH,)))

@@ -85,11 +85,11 @@ def curves(
     everything = table(runs)
     groups = group_names(runs)
     _tell_unfinished(runs, quiet=quiet or as_json)
-    wanted = measures or ([] if is_table else overview(everything))
-    chosen = choose(everything, wanted, statistics or STATISTICS)
+    chosen = choose(everything, measures or overview(everything), statistics or STATISTICS)
     found = summary(chosen, groups, estimator)
     if out is not None:
-        save(None if is_table else chart(found, words_for(runs, estimator)), chosen, out)
+        rows = chosen if measures else everything[everything["statistic"].isin(statistics or STATISTICS)]
+        save(None if is_table else chart(found, words_for(runs, estimator)), rows, out)
     if as_json:
         told = [
             {"run": name, "folder": str(run.path), "group": groups[name], "generations": run.finished}

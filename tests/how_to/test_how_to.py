@@ -112,6 +112,18 @@ def test_ancestry(follow):
     assert names["born"].sum() == best["nodes"] == ancestors["carried"].iloc[-1]
 
 
+def test_curves(follow, capsys):
+    folder = follow("curves.md")
+    pictures = ("first.svg", "goals.svg", "groups.svg")
+    assert all("<svg" in (folder / name).read_text(encoding="utf-8") for name in pictures)
+    (text,) = [text for kind, text in BLOCK.findall((DOCS / "how-to/curves.md").read_text("utf-8")) if kind == "python"]
+    names = {}
+    exec(text, names)  # noqa: S102 - of our own page
+    assert "first" in capsys.readouterr().out
+    assert set(names["bands"]["group"]) == {"smoke fitness.kind=fixed", "smoke fitness.kind=varying"}
+    assert 0.0 <= names["low"] <= names["share"] <= names["high"] <= 1.0
+
+
 @pytest.mark.slow
 def test_skill(follow):
     run = open_run(follow("skill.md") / "runs" / "finding")

@@ -13,9 +13,10 @@ from coevo.config import check_experiment, read_toml
 from coevo.errors import InputError
 from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
-from coevo.game import check_game, check_played, make_game
+from coevo.game import check_game, check_played, make_game, programs_of
 from coevo.run import create_run, open_run
 from coevo.tree import compile_program, parse, simplify, tree_codes
+from coevo.usage import group_trees, seeds_of_group
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 SOLUTION = "IF_dimension_is_1(IF_bit_1_is_one(say_one, say_zero), IF_bit_0_is_one(say_one, say_zero))"
@@ -106,6 +107,16 @@ def test_it_evolves_to_its_known_solution(finished):
         assert rightly_answered(game, first) < 8
         smaller = simplify(last, game.function_set(0))
         assert rightly_answered(game, smaller) == 8
+
+
+def test_a_group_plays_again_what_was_recorded(finished):
+    table = finished.individuals
+    for generation, group in ((0, 0), (1, 3), (2, 17)):
+        programs = programs_of(finished.game, group_trees(finished, generation, group))
+        played = finished.game.play(programs, seeds_of_group(finished, generation, group))
+        rows = table[(table["generation"] == generation) & (table["group"] == group)].set_index("robot")
+        for name, counts in played.counts.items():
+            assert rows[name].loc[["red", "blue"]].tolist() == counts.sum(axis=0).tolist()
 
 
 def test_the_run_folder_has_the_games_own_columns(finished):

@@ -98,8 +98,9 @@ def worth(game: SoccerGame, team: tuple[str, str], opponent: str | None, *, game
 
     Returns:
         ``limit`` [steps], and in 20 games ``goals``, ``lost`` and ``steps``, exactly as with that limit; ``kicks_r0``
-        and ``kicks_r1`` (steps of contact), as if a game's were spread evenly over it; ``fitness``, the sum of (6.1)
-        of both robots without collisions, of which a game does not say when they happened either.
+        and ``kicks_r1`` (steps of contact), as if a game's were spread evenly over it: up to a thousand too many, for
+        robots that come to the ball late, at limits far below the longest; ``fitness``, the sum of (6.1) of both robots
+        (a thousand kicks are 1), without collisions, of which a game does not say when they happened either.
     """
     outcome = play(game, team_trees(game, team, opponent), games=games, seed=seed)
     side = game.roles[0].team

@@ -40,9 +40,9 @@ def unseen_table(runs: Sequence[Run], *, games: int, seed: int) -> pd.DataFrame:
     Returns:
         A row a run and line-up. ``run``: its folder. ``who``, for people; ``first_side`` and ``second_side``: the
         generation that plays for the first team that evolves and for the other (-1 where none does).
-        ``goals``, ``low``, ``high``: share of games that the first side wins, with its interval over games. ``lost``:
-        share that it loses. ``passes`` a game, of all robots together. ``steps`` a game. ``first_robots``,
-        ``second_robots``: their names.
+        ``goals``, ``low``, ``high``: share of games that the first side wins, and its interval over games (Student's t,
+        cut at 0 and 1). ``lost``: share that it loses. ``passes`` a game, of all robots together. ``steps`` a game.
+        ``first_robots``, ``second_robots``: their names.
 
     Raises:
         InputError: a run is about another game, or has no finished generation.
@@ -87,8 +87,8 @@ def _played(game: SoccerGame, parts: Sequence[LineUp], side: int, seeds: np.ndar
     goals, low, high = mean_interval((played.winner == side).astype(float))
     return {
         "goals": goals,
-        "low": low,
-        "high": high,
+        "low": max(0.0, low),
+        "high": min(1.0, high),
         "lost": float(((played.winner >= 0) & (played.winner != side)).mean()),
         "passes": float(played.counts["passes"].sum(axis=1).mean()),
         "steps": float(played.counts["steps"][:, 0].mean()),

@@ -52,8 +52,9 @@ def hand_typed_table(game: SoccerGame, *, games: int, seed: int) -> pd.DataFrame
 
     Returns:
         ``team``; ``opponent``: the tree of the others that evolve, None where none does. In 20 games: ``goals``,
-        ``low``, ``high`` (with the interval over games), ``lost``, ``passes`` of r0, ``kicks_r0``, ``kicks_r1``, ...
-        (steps of contact of each robot) and ``collisions`` of the robot that has most. ``steps`` is of one game.
+        ``low``, ``high`` (with the interval over games, cut at 0 and 20), ``lost``, ``passes`` of r0, ``kicks_r0``,
+        ``kicks_r1``, ... (steps of contact of each robot) and ``collisions`` of the one that has most. ``steps`` is of
+        one game.
 
     Raises:
         InputError: r0 and r1 are no team that evolves.
@@ -71,8 +72,8 @@ def hand_typed_table(game: SoccerGame, *, games: int, seed: int) -> pd.DataFrame
                     "team": name,
                     "opponent": opponent,
                     "goals": mean,
-                    "low": low,
-                    "high": high,
+                    "low": max(0.0, low),
+                    "high": min(float(GAMES_OF_ONE_GROUPING), high),
                     "lost": GAMES_OF_ONE_GROUPING * float(lost.mean()),
                     "steps": float(outcome.steps.mean()),
                     "passes": GAMES_OF_ONE_GROUPING * float(outcome.passes[:, 0].mean()),

@@ -55,8 +55,8 @@ def test_a_row_is_the_sum_of_single_games(preset, team, typed):
         half = stats.t.ppf(0.975, GAMES - 1) * won.std(ddof=1) / math.sqrt(GAMES)
         expected = {
             "goals": 20 * won.mean(),
-            "low": 20 * (won.mean() - half),
-            "high": 20 * (won.mean() + half),
+            "low": max(0.0, 20 * (won.mean() - half)),
+            "high": min(20.0, 20 * (won.mean() + half)),
             "lost": 20 * (winner == 1).mean(),
             "steps": counts["steps"][:, 0].mean(),
             "passes": 20 * counts["passes"][:, 0].mean(),

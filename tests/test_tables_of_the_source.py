@@ -28,8 +28,8 @@ SIZE_4_CM, SIZE_4_G = (63.5, 66.0), (350, 390)
 IMAGE_PX, VIEW_DEG, TILT_DEG = (64, 60), (67, 60), -26
 VIDEO_HZ = 30  # NTSC, section 3.5.3
 
-# Table 6.1 has small, medium and large but no limits: terciles of the areas in random play, measured for
-# docs/decisions/0004-placements.md. Whether they still are is measured in tests/test_game.py.
+# Table 6.1 has small, medium and large but no limits: terciles of the areas in random play, as they were when the
+# limits were set. How near they still are is measured in tests/analysis/calibration/test_categories.py.
 TERCILES_PX = {"ball": (19, 60), "goal": (36, 79), "robot": (24, 66)}
 
 # Table 6.2; h(K, beta) counts steps of contact.

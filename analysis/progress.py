@@ -41,6 +41,8 @@ MINIMUM_GENERATIONS = 6
 SATURATED = 0.04  # as many games are left to the weaker side at most
 LATE = 0.25  # share of the generations, counted from the end, in which disengagement must show
 SMALLEST_CHANGE = 0.06  # in the share of games won, for progress; less is luck or of no use
+SURE_CHANGE = 0.03  # enough if it is beyond doubt: where most games are drawn, shares are small
+BEYOND_DOUBT = 6.0  # standard errors
 SMALLEST_LOSS = 0.05  # the same for forgetting; it is smaller, as some opponents may not be forgotten
 STANDARD_ERRORS = 3.0  # by which a gain must stand out of the luck of champions
 LOSS_STANDARD_ERRORS = 3.5  # the same of a loss, which is measured without bias
@@ -103,6 +105,15 @@ def diagnose(wins: ArrayLike, *, games: int | None = None) -> Diagnosis:
 
     Raises:
         InputError: another shape, too few generations, or something else than shares.
+
+    Example:
+        >>> import numpy as np
+        >>> from analysis.progress import diagnose
+        >>> ahead = np.subtract.outer(np.arange(30), np.arange(30))  # by how many generations
+        >>> sorted(diagnose(1.0 / (1.0 + np.exp(-0.2 * ahead))).labels)
+        ['progress']
+        >>> sorted(diagnose(0.5 + 0.4 * np.sin(2.0 * np.pi * ahead / 10)).labels)
+        ['cycling']
     """
     shares = _checked(wins, games)
     n = len(shares)
@@ -216,7 +227,9 @@ def _engaged(shares: Matrix, games: int | None) -> Diagnosis:
             enough = CHANCE if swing < MIDDLE_SWING else 5 * CHANCE
             cycling = (regular and round_again <= enough) or (visits >= 3 and held <= CHANCE)
     labels = set()
-    progress = gain >= SMALLEST_CHANGE and gain_errors >= STANDARD_ERRORS + 12 / n
+    progress = (gain >= SMALLEST_CHANGE and gain_errors >= STANDARD_ERRORS + 12 / n) or (
+        gain >= SURE_CHANGE and gain_errors >= BEYOND_DOUBT + 12 / n
+    )
     if cycling:
         labels.add("cycling")
         if progress and np.corrcoef(means, np.arange(n))[0, 1] >= 0.8:
@@ -249,7 +262,7 @@ def _text(found: Diagnosis, n: int) -> str:
     said = []
     if "progress" in found.labels:
         said.append(
-            f"later champions win {found.gain:+.0%} of the games more than early ones against the same opponents"
+            f"later champions win {found.gain:.0%} more of the games against the same opponents than early ones"
         )
     if "cycling" in found.labels:
         every = f"about every {found.period} generations" if found.comes_round >= EARLY_RETURN else "at irregular times"
@@ -263,6 +276,9 @@ def _text(found: Diagnosis, n: int) -> str:
         when = "throughout" if found.onset == 0 else f"from generation {found.onset} (of {n}) on"
         said.append(f"{when} this side {side} nearly all games, so that selection has little to go by")
     if "stagnation" in found.labels:
-        said.append("champions of different times do equally well against the same opponents")
+        said.append(
+            f"no change that stands out from luck: later champions win {found.gain:+.0%} of the games against the same"
+            " opponents"
+        )
     names = " and ".join(label for label in LABELS if label in found.labels)
     return f"{names.capitalize()}: {'; '.join(said)}."

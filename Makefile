@@ -12,7 +12,7 @@ PACKAGES := coevo behaviors analysis
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help evolve test env lint format types imports wheel-check docs-check hooks skills bench lock clean
+.PHONY: help evolve test env lint format types imports wheel-check docs-check hooks skills bench browser screenshots lock clean
 
 help: ## show this list
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12]'
@@ -57,6 +57,17 @@ skills: $(READY) ## learn the installed skills anew from their recipes, and meas
 bench: $(READY) ## measure speed: the benchmarks in tests/, then `coevo bench`
 	@$(BIN)/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only
 	@$(BIN)/coevo bench $(ARGS)
+
+browser: ## install Chromium, which tries the pages in the tests, if there is none (Debian and its kin, as root)
+	@for name in chromium chromium-browser google-chrome google-chrome-stable chrome; do \
+		command -v $$name >/dev/null && exit 0; done; \
+	command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ] || { \
+		echo 'There is no Chromium, and it cannot be installed from here: install the package chromium.' >&2; exit 1; }; \
+	echo 'Installing Chromium ...'; \
+	apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null
+
+screenshots: $(READY) ## make the pictures of the README again: make screenshots ARGS="runs/three-learners-seed0"
+	@$(BIN)/python tools/screenshots.py $(ARGS)
 
 lock: ## remake requirements.lock from pyproject.toml: make lock ARGS=--upgrade
 	@echo 'Remaking requirements.lock from pyproject.toml ...'

@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from analysis.tournament import stored_tournaments
 from coevo.cli import main
 from coevo.run import open_run
 from coevo.tree import simplify
@@ -136,3 +137,16 @@ def test_watch(follow):
     folder = follow("watch.md")
     assert {path.name for path in folder.glob("*.html")} == {"again.html", "game.html", "search.html", "shoot.html"}
     assert "group 5 of generation 2" in (folder / "game.html").read_text(encoding="utf-8")
+
+
+def test_tournament(follow):
+    folder = follow("tournament.md")
+    assert (folder / "matrix.svg").read_text(encoding="utf-8").startswith("<svg")
+    tournaments = stored_tournaments(open_run(folder / "runs" / "smoke"))
+    assert [one.generations for one in tournaments] == [(0, 1, 2, 3, 4, 5), (0, 2, 4, 5)]
+
+
+def test_report(follow):
+    folder = follow("report.md")
+    for name, title in (("one.html", "smoke, seed 0"), ("comparison.html", "3 runs: smoke fitness.kind=fixed")):
+        assert f"<h1>{title}" in (folder / name).read_text(encoding="utf-8")

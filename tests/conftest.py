@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import copy
 import gc
+import io
 import itertools
 import math
 import shutil
+import sys
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 
+from coevo.cli import main
 from coevo.config import RunSettings, check, override
 from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
@@ -241,6 +245,38 @@ def _cast(world, state, robot, side):
 def ray_cast():
     """Return the reference of the camera: a function of world, state, robot and side."""
     return _cast
+
+
+class Said(NamedTuple):
+    """What a command said: its exit code, standard output and standard error."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def coevo(monkeypatch):
+    """Return a function that runs a command in this process, as the installed script does."""
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["coevo", *map(str, arguments)])
+        out, err = io.StringIO(), io.StringIO()
+        code = 0
+        with redirect_stdout(out), redirect_stderr(err):
+            try:
+                main()
+            except SystemExit as stop:
+                code = stop.code
+        return Said(code or 0, out.getvalue(), err.getvalue())
+
+    return run
+
+
+@pytest.fixture
+def copied_run(small_run, tmp_path):
+    """Return the folder of a copy of the finished small run, that may be spoilt."""
+    return Path(shutil.copytree(small_run.path, tmp_path / "copy"))
 
 
 @pytest.fixture

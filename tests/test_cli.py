@@ -17,7 +17,7 @@ import time
 from contextlib import redirect_stderr, redirect_stdout
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -43,32 +43,6 @@ PROGRAM = "import signal; signal.signal(signal.SIGINT, signal.default_int_handle
 LASTING = ("gp.generations=70", "gp.population=8", "evaluation.games=3")
 
 
-class Said(NamedTuple):
-    """What a command said: its exit code, standard output and standard error."""
-
-    code: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def coevo(monkeypatch):
-    """Return a function that runs a command in this process, as the installed script does."""
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["coevo", *map(str, arguments)])
-        out, err = io.StringIO(), io.StringIO()
-        code = 0
-        with redirect_stdout(out), redirect_stderr(err):
-            try:
-                main()
-            except SystemExit as stop:
-                code = stop.code
-        return Said(code or 0, out.getvalue(), err.getvalue())
-
-    return run
-
-
 @pytest.fixture
 def small_recipe(small_settings, tmp_path):
     """Return the path of the small experiment as a recipe."""
@@ -76,12 +50,6 @@ def small_recipe(small_settings, tmp_path):
     create_run(tmp_path / "made", small_settings())
     shutil.move(tmp_path / "made" / "config.toml", path)
     return path
-
-
-@pytest.fixture
-def copied_run(small_run, tmp_path):
-    """Return the folder of a copy of the finished small run, that may be spoilt."""
-    return Path(shutil.copytree(small_run.path, tmp_path / "copy"))
 
 
 def cut_short(run, generations):
@@ -669,7 +637,7 @@ def test_the_installed_script_is_the_same_program(tmp_path):
     done = subprocess.run(  # noqa: S603 - our own
         [script, "evolve", "smok"], capture_output=True, text=True, cwd=tmp_path, check=False
     )
-    refused(Said(done.returncode, done.stdout, done.stderr), "Did you mean 'smoke'?")
+    refused(SimpleNamespace(code=done.returncode, out=done.stdout, err=done.stderr), "Did you mean 'smoke'?")
 
 
 @pytest.mark.parametrize(

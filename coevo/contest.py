@@ -59,7 +59,7 @@ def single_skills(game: Game, team: int, *, seed: int = 0) -> list[tuple[dict[in
     roles = [number for number, role in enumerate(game.roles) if role.evolves and role.team == team]
     choices = list(itertools.product(*(range(len(game.function_set(role).terminals)) for role in roles)))
     if len(choices) > _MOST_TEAMS:
-        kept = generator(seed, RunStream.CHOICE, team).choice(len(choices), _MOST_TEAMS, replace=False)
+        kept = generator(seed, RunStream.SINGLES, team).choice(len(choices), _MOST_TEAMS, replace=False)
         choices = [choices[k] for k in sorted(kept.tolist())]
     return [
         (

@@ -43,6 +43,7 @@ class RunStream(IntEnum):
     AGAIN = 10  # that champions play again: a generation, role, repetition and game
     PARTNERS = 11  # with whom champions play again: a generation, role and repetition
     CROSS = 12  # between champions of different runs: a block of starts and game
+    SINGLES = 13  # which teams of single skills are tried, where there are too many: a team
     BENCH = 9  # whose speed is measured: a group and game
 
 

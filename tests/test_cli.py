@@ -649,6 +649,7 @@ def test_the_installed_script_is_the_same_program(tmp_path):
         "processes",
     ],
 )
+@pytest.mark.slow
 def test_ctrl_c_saves_and_says_how_to_go_on(backend, lasting, start, results_of, tmp_path):
     recipe, whole = lasting
     folder = tmp_path / "run"
@@ -689,6 +690,7 @@ def kill_and_resume(lasting, start, folder, kills, seed):
     return saved
 
 
+@pytest.mark.slow
 def test_a_run_killed_at_random_moments_goes_on_to_the_same_bytes(lasting, start, results_of, tmp_path):
     saved = kill_and_resume(lasting, start, tmp_path / "run", kills=3, seed=99)
     assert all(before <= after for before, after in pairwise(saved))

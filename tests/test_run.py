@@ -332,6 +332,7 @@ def spoilt(path, flip, step, read):
 @pytest.mark.usefixtures("collected")
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # numpy leaves what it refuses open
 @pytest.mark.parametrize("flip", [0x01, 0x80, 0xFF])
+@pytest.mark.slow
 def test_a_flipped_byte_of_a_checkpoint_is_noticed_wherever_it_is(flip, copied_run):
     """Bytes that mean nothing, such as times in the archive, may change; contents may not."""
     path = copied_run.path / "checkpoint.npz"

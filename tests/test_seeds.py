@@ -29,7 +29,14 @@ PARTS = {
     RunStream.GAMES: 3,
     RunStream.PLAY: 1,
     RunStream.UNSEEN: 1,
+    RunStream.CHOICE: 1,
+    RunStream.TOURNAMENT: 2,
+    RunStream.MEMBERS: 2,
     RunStream.BENCH: 2,
+    RunStream.AGAIN: 4,
+    RunStream.PARTNERS: 3,
+    RunStream.CROSS: 2,
+    RunStream.SINGLES: 1,
     SkillStream.EXPERIENCE: 1,
     SkillStream.LEARNING: 1,
     SkillStream.EVALUATION: 1,
@@ -68,6 +75,7 @@ def test_no_two_streams_of_a_root_share_a_seed(root, streams):
 def test_streams_have_the_numbers_that_results_were_made_with():
     assert {stream.name: stream.value for stream in RunStream} == {
         "CREATION": 0, "VARIATION": 1, "GROUPING": 2, "GAMES": 3, "PLAY": 4, "UNSEEN": 5, "BENCH": 9,
+        "CHOICE": 6, "TOURNAMENT": 7, "MEMBERS": 8, "AGAIN": 10, "PARTNERS": 11, "CROSS": 12, "SINGLES": 13,
     }  # fmt: skip
     assert [*SkillStream] == [0, 1, 2, 3, 4]
     assert [*SetStream] == [0, 1, 2, 3, 4, 9]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import pytest
 
 from coevo.config import ForeignSettings, check
@@ -44,6 +47,12 @@ def make(table):
 def points(measures, **now):
     return -measures["points"].astype(float)
 """
+
+
+@pytest.fixture(scope="session")
+def small_run(small_run, tmp_path_factory):
+    """Return a copy of the finished small run, into which results are written: that of all other tests is only read."""
+    return open_run(Path(shutil.copytree(small_run.path, tmp_path_factory.mktemp("kept") / "run")))
 
 
 @pytest.fixture(scope="session")

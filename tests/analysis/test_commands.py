@@ -65,6 +65,7 @@ def test_the_matrices_are_written(suffix, coevo, no_results, tmp_path):
     assert out.stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_a_report_goes_into_the_run_folder_by_default(coevo, no_results):
     said = coevo("report", no_results, "--json")
     data = json.loads(said.out)

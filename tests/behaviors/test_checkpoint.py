@@ -333,6 +333,7 @@ def wait_for_checkpoint(path, process):
         time.sleep(0.005)
 
 
+@pytest.mark.slow
 def test_ctrl_c_saves_and_says_how_to_go_on(lasting, start, tmp_path):
     recipe, expected = lasting
     process = start(recipe, "--out", tmp_path)
@@ -353,6 +354,7 @@ def test_ctrl_c_saves_and_says_how_to_go_on(lasting, start, tmp_path):
     assert not (tmp_path / "learning.npz").exists()
 
 
+@pytest.mark.slow
 def test_a_learning_killed_at_random_moments_goes_on_to_the_same_bytes(lasting, start, tmp_path):
     recipe, expected = lasting
     moment, codes = random.Random(3), []

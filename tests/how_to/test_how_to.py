@@ -113,6 +113,7 @@ def test_ancestry(follow):
     assert names["born"].sum() == best["nodes"] == ancestors["carried"].iloc[-1]
 
 
+@pytest.mark.slow
 def test_curves(follow, capsys):
     folder = follow("curves.md")
     pictures = ("first.svg", "goals.svg", "groups.svg")
@@ -139,6 +140,7 @@ def test_watch(follow):
     assert "group 5 of generation 2" in (folder / "game.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_tournament(follow):
     folder = follow("tournament.md")
     assert (folder / "matrix.svg").read_text(encoding="utf-8").startswith("<svg")
@@ -146,6 +148,7 @@ def test_tournament(follow):
     assert [one.generations for one in tournaments] == [(0, 1, 2, 3, 4, 5), (0, 2, 4, 5)]
 
 
+@pytest.mark.slow
 def test_report(follow):
     folder = follow("report.md")
     for name, title in (("one.html", "smoke, seed 0"), ("comparison.html", "3 runs: smoke fitness.kind=fixed")):

@@ -62,6 +62,7 @@ left_to_the_exit = [World(WorldSettings(), 3) for _ in range(3)]
 
 
 @pytest.mark.parametrize("program", [DROP, AROUND], ids=["at every line", "in cycles, threads and at exit"])
+@pytest.mark.slow
 def test_a_garbage_collection_while_a_world_is_freed_does_no_harm(program):
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)  # noqa: S603
     assert (done.returncode, done.stderr) == (0, "")

@@ -23,6 +23,8 @@ from coevo.run import create_run, open_run
 from coevo.statistics import probability_of_improvement
 from coevo.usage import used_tree
 
+pytestmark = pytest.mark.slow
+
 HOSTILE = "<script>alert(1)</script>\" onload='alert(2)' </script><!-- &amp;"
 
 

@@ -227,6 +227,7 @@ def test_a_wrong_setting_is_named(changes, part):
 # ---------------------------------------------------------------------------------------------------------- going on
 
 
+@pytest.mark.slow
 def test_a_learning_that_was_stopped_goes_on_to_the_same_bytes(tmp_path):
     mine = recipe(trials=750)
     learning = Learning(mine, seed=3, trials=750)

@@ -26,6 +26,7 @@ def rms(error: Array) -> float:
 
 @pytest.mark.parametrize("kind", ["white", "held", "policy"])
 @pytest.mark.parametrize("options", [{}, {"history_length": 4}, {"history_rule": "aic"}], ids=["l", "l-4", "l-aic"])
+@pytest.mark.slow
 def test_projecting_finds_the_true_order(random_systems, kind: str, options: dict[str, object]) -> None:
     rng = np.random.default_rng(1000)
     recorded = random_systems(rng, 60).simulate(rng, 5000, kind)
@@ -33,6 +34,7 @@ def test_projecting_finds_the_true_order(random_systems, kind: str, options: dic
     assert np.mean(np.array(orders) == STATES) >= 0.95
 
 
+@pytest.mark.slow
 def test_an_order_that_is_missed_says_nothing_of_the_next_observation(random_systems) -> None:
     rng = np.random.default_rng(1000)
     systems = random_systems(rng, 60)

@@ -111,6 +111,7 @@ def test_a_set_handed_on_after_each_block_gives_the_same_bytes(small_schedule, t
 
 
 @pytest.mark.usefixtures("saving")
+@pytest.mark.slow
 def test_a_set_with_painted_images_killed_again_and_again_gives_the_same_bytes(small_schedule, whole, tmp_path):
     schedule, path, kills = small_schedule(*BLOCKS, *PAINTED), tmp_path / "set.npz", 0
     while True:

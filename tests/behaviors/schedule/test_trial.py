@@ -170,6 +170,7 @@ def test_the_old_policy_is_followed_with_probability_1_minus_beta(pair):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5])
+@pytest.mark.slow
 def test_a_robot_with_a_fixed_policy_follows_it_but_for_its_share_of_random_actions(pair, share):
     def change(agents):
         agents[PASSER].values = np.zeros_like(agents[PASSER].values)

@@ -50,6 +50,7 @@ def finished(tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 def test_the_number_of_workers_changes_no_byte(finished, tmp_path):
     assert run(tmp_path, "--sets", "2", "--workers", "2").exit_code == 0
     assert files(tmp_path) == files(finished)

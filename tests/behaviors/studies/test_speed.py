@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from click.testing import CliRunner
 
 from behaviors.recipe import installed_recipes
@@ -16,6 +17,7 @@ def test_physics_is_timed_for_as_many_steps_as_asked_for(monkeypatch):
     assert speed.physics_seconds(WorldSettings(), 2, 450) == 0.5  # half of one stretch
 
 
+@pytest.mark.slow
 def test_every_learning_is_timed_beside_its_physics(monkeypatch):
     monkeypatch.setattr(speed, "start_costs", lambda code: (float(len(code)), 0.0))  # it compiles for half a minute
     result = CliRunner().invoke(speed.speed, ["--trials", "20"])

@@ -13,7 +13,7 @@ __all__ = ["report"]
 
 @click.command()
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="By default report.html in the folder of the first run.")
+@click.option("--out", type=click.Path(path_type=Path), help="By default report.html, in the run's folder; of several runs, here.")
 @worker_options
 @output_options
 def report(
@@ -37,7 +37,7 @@ def report(
     check_backend(backend)
     altair()
     runs = open_runs(folders)
-    path = runs[0].path / "report.html" if out is None else out
+    path = out or (runs[0].path / "report.html" if len(runs) == 1 else Path("report.html"))
     check_out(path, (".html", ".htm"))
     page, told = make_report(runs, workers=workers, backend=backend, tell=lambda text: note(text, quiet=quiet))
     try:

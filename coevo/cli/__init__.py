@@ -29,6 +29,7 @@ def _cli() -> None:
     \b
     Begin with:
       coevo evolve smoke
+      coevo report runs/smoke-seed0
       coevo inspect runs/smoke-seed0
       coevo play runs/smoke-seed0 --video game.html
     """

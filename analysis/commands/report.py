@@ -13,7 +13,11 @@ __all__ = ["report"]
 
 @click.command()
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="By default report.html, in the run's folder; of several runs, here.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="By default report.html, in the run's folder; of several runs, in the current one.",
+)
 @worker_options
 @output_options
 def report(

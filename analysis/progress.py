@@ -272,9 +272,9 @@ def _text(found: Diagnosis, n: int) -> str:
             f"late champions lose {found.loss:.0%} of the games that earlier ones won against the same opponents"
         )
     if found.onset is not None:
-        side = "wins" if found.late_level > 0.5 else "loses"
+        side = "wins nearly all games" if found.late_level > 0.5 else "wins hardly any game"
         when = "throughout" if found.onset == 0 else f"from generation {found.onset} (of {n}) on"
-        said.append(f"{when} this side {side} nearly all games, so that selection has little to go by")
+        said.append(f"{when} this side {side}, so that selection has little to go by")
     if "stagnation" in found.labels:
         said.append(
             f"no change that stands out from luck: later champions win {found.gain:+.0%} of the games against the same"

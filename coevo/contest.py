@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,13 +56,15 @@ def line_up(game: Game, *parts: LineUp) -> list[Program | None]:
 def single_skills(game: Game, team: int, *, seed: int = 0) -> list[tuple[dict[int, str], LineUp]]:
     """Return the teams in which each robot uses one terminal throughout, with their names by role.
 
-    Where there are more than 64 such teams, 64 of them, drawn by ``seed``.
+    Where there are more than 64 such teams, up to 64 of them, drawn by ``seed``.
     """
     roles = [number for number, role in enumerate(game.roles) if role.evolves and role.team == team]
-    choices = list(itertools.product(*(range(len(game.function_set(role).terminals)) for role in roles)))
-    if len(choices) > _MOST_TEAMS:
-        kept = generator(seed, RunStream.SINGLES, team).choice(len(choices), _MOST_TEAMS, replace=False)
-        choices = [choices[k] for k in sorted(kept.tolist())]
+    sizes = [len(game.function_set(role).terminals) for role in roles]
+    if math.prod(sizes) <= _MOST_TEAMS:
+        choices = list(itertools.product(*map(range, sizes)))
+    else:
+        drawn = generator(seed, RunStream.SINGLES, team).integers(sizes, size=(_MOST_TEAMS, len(sizes)))
+        choices = sorted({tuple(row) for row in drawn.tolist()})
     return [
         (
             {role: game.function_set(role).terminals[k] for role, k in zip(roles, ks, strict=True)},
@@ -144,6 +148,12 @@ def judge(run: Run, evaluator: Evaluator, *, games: int) -> Iterator[Judged]:
         games: by which each is judged; as many others choose the best team of single skills.
     """
     game, seed, generation = run.game, run.config.seed, run.finished - 1
+    name = f"judged-{games}-of{generation}"
+    kept = run.result(name)
+    if kept is not None:
+        yield from _kept(run, kept, games)
+        return
+    found = []
     unseen = game_seeds(seed, RunStream.UNSEEN, count=games)
     choosing = game_seeds(seed, RunStream.CHOICE, count=games)
     last, first = champions(run, generation), champions(run, 0)
@@ -155,4 +165,30 @@ def judge(run: Run, evaluator: Evaluator, *, games: int) -> Iterator[Judged]:
         above = [paired_difference(won[0], other) for other in won[1:]]
         robots = tuple(run.evolving[role] for role in last[team])
         skills = {game.roles[role].name: name for role, name in names.items()}
-        yield Judged(team, robots, games, _share(won[0]), _share(won[1]), _share(won[2]), skills, above[0], above[1])
+        shares = [_share(of) for of in won]
+        found.append(Judged(team, robots, games, shares[0], shares[1], shares[2], skills, above[0], above[1]))
+        yield found[-1]
+    run.save_result(name, _as_arrays(run, found))
+
+
+_SHARES = ("last", "first", "single_skills", "over_first", "over_single_skills")
+
+
+def _as_arrays(run: Run, found: Sequence[Judged]) -> dict[str, NDArray[Any]]:
+    """Return what was found: shares (teams, 5, 3), and each role's skill by its number (roles,), -1 for none."""
+    skills = np.full(len(run.game.roles), -1)
+    for one in found:
+        for robot, skill in one.skills.items():
+            role = run.number_of(robot)
+            skills[role] = run.game.function_set(role).terminals.index(skill)
+    return {"shares": np.array([[getattr(one, key) for key in _SHARES] for one in found]), "skills": skills}
+
+
+def _kept(run: Run, arrays: Mapping[str, NDArray[Any]], games: int) -> Iterator[Judged]:
+    game = run.game
+    for team, shares in zip(evolving_teams(game), arrays["shares"].tolist(), strict=True):
+        roles = [role for role in run.evolving if game.roles[role].team == team]
+        robots = tuple(run.evolving[role] for role in roles)
+        skills = {run.evolving[role]: game.function_set(role).terminals[arrays["skills"][role]] for role in roles}
+        last, first, single, over_first, over_single = (tuple(share) for share in shares)
+        yield Judged(team, robots, games, last, first, single, skills, over_first, over_single)

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from coevo.contest import champions, judge, line_up, single_skills
 from coevo.evolution.evaluation import Evaluator, group_seeds
-from coevo.game import SoccerGame
+from coevo.game import Role, SoccerGame
+from coevo.run import open_run
 from coevo.seeds import RunStream, game_seeds
+from coevo.tree import FunctionSet
+
+
+@pytest.fixture(scope="module")
+def small_run(small_run, tmp_path_factory):
+    """Return a copy of the finished small run, into which results are written."""
+    return open_run(Path(shutil.copytree(small_run.path, tmp_path_factory.mktemp("judged") / "run")))
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +68,27 @@ def test_games_are_neither_those_of_evolution_nor_those_that_choose(small_run):
     assert not choosing & groups
 
 
+def test_what_was_judged_is_kept(judged, small_run):
+    assert list(judge(small_run, None, games=80)) == judged
+
+
+def test_of_very_many_teams_of_single_skills_some_are_tried():
+    class Many:
+        roles = tuple(Role(f"p{number}", 0) for number in range(20))
+
+        def function_set(self, role):
+            return FunctionSet(("IF_x",), tuple(f"s{k}" for k in range(2 + role % 3)))
+
+    game = Many()
+    teams = single_skills(game, 0, seed=1)
+    assert 60 <= len(teams) <= 64
+    assert len({tuple(names.values()) for names, _ in teams}) == len(teams)
+    for names, _ in teams:
+        assert all(name in game.function_set(role).terminals for role, name in names.items())
+    assert [names for names, _ in single_skills(game, 0, seed=2)] != [names for names, _ in teams]
+
+
 def test_workers_change_nothing(judged, small_run):
+    shutil.rmtree(small_run.path / "results")
     with Evaluator(small_run.config, workers=1, backend="processes") as evaluator:
         assert list(judge(small_run, evaluator, games=80)) == judged

@@ -70,7 +70,11 @@ def ancestry(
 
 
 def _write(out: Path, found: Ancestry) -> None:
-    from analysis.ancestry.charts import ancestry_chart
     from analysis.charts import save
+
+    if out.suffix.lower() == ".csv":
+        save(None, found.ancestors, out)
+        return
+    from analysis.ancestry.charts import ancestry_chart
 
     save(ancestry_chart(found), found.ancestors, out)

@@ -23,7 +23,6 @@ __all__ = ["tournament"]
 
 _OUTSIDE = 2  # times as many games of a generation against an outsider as of a pair
 _SHOWN = 10  # generations in the table
-_MISFIT = 1.5  # chi-square a degree of freedom above which one number a champion is too few
 
 
 @click.command()
@@ -37,7 +36,7 @@ _MISFIT = 1.5  # chi-square a degree of freedom above which one number a champio
     type=click.Choice(["best", "all"]),
     default="best",
     show_default=True,
-    help="Who plays for a generation: its champions, or members drawn at random, others in each game.",
+    help="Who plays for a generation: its champions, or a sample of all, another member in each game.",
 )
 @click.option(
     "--against",
@@ -101,7 +100,8 @@ def tournament(
     run = open_run(folder)
     generations = chosen_generations(run.finished, every)
     known = single_skill_outsiders(run)
-    known += [read_outsider(run, text) for text in outsiders if text not in {one.name for one in known}]
+    singles = {one.name for one in known}
+    known += [read_outsider(run, text) for text in dict.fromkeys(outsiders) if text not in singles]
     prepare(run.config, lambda text: note(text, quiet=quiet))
     try:
         with Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator:
@@ -119,7 +119,7 @@ def tournament(
                     again = play_again(run, evaluator, generations=generations, repeats=repeats, report=steps.report)
                 left = left_over(again)
     except KeyboardInterrupt:
-        note("Stopped; what was played is kept. Go on with the same command.")
+        note("Stopped; what was played of the tournament is kept. Go on with the same command.")
         raise
     if out is not None:
         _write(out, played)
@@ -157,23 +157,26 @@ class _Steps:
 
 def _write(out: Path, played: Tournament) -> None:
     from analysis.charts import save
-    from analysis.tournament.charts import matrix_chart
     from analysis.tournament.tables import matrix_table
 
     matrix = matrix_table(played)
+    if out.suffix.lower() == ".csv":
+        save(None, matrix, out)
+        return
+    from analysis.tournament.charts import matrix_chart
+
     save(matrix_chart(matrix, alone=len(played.teams) == 1), matrix, out)
 
 
 def _told(played: Tournament, against: Against, left: Sequence[Left]) -> tuple[dict[str, Any], str]:
     """Return what is told as JSON, and as text."""
-    from analysis.tournament import diagnoses, rate
-    from analysis.tournament.dynamics import TOO_FEW
+    from analysis.tournament import can_rate, diagnoses, in_words, rate
     from analysis.tournament.tables import against_table, master_table, side_name
 
     sides = {team: side_name(played, at) for at, team in enumerate(played.teams)}
     found = diagnoses(played)
     master, outside = master_table(played), against_table(against, sides)
-    ratings = rate(played) if len(sides) > 1 else None
+    ratings = rate(played) if len(sides) > 1 and can_rate() else None
     data: dict[str, Any] = {
         "generations": list(played.generations),
         "games": played.games,
@@ -195,19 +198,15 @@ def _told(played: Tournament, against: Against, left: Sequence[Left]) -> tuple[d
         "misfit": None if ratings is None else ratings.misfit,
         "again": [asdict(one) for one in left],
     }
-    lines = [
-        f"{side}: {', '.join(sorted(of.labels))}. {of.text}" if of else f"{side}: {TOO_FEW}"
-        for side, of in zip(sides.values(), found, strict=True)
-    ]
+    lines = [f"{side}: {said}" for side, said in zip(sides.values(), in_words(played), strict=True)]
     lines += [
-        f"{one.robot}: {one.share:.0%} [{one.low:.0%}, {one.high:.0%}] of its champions' advantage over their"
-        " generation is left when they play again"
+        f"{one.robot}: {one.text} of its champions' advantage over their generation is left when they play again"
         for one in left
     ]
     lines += [
         _side_text(played, master[master["side"] == side], outside[outside["side"] == side]) for side in sides.values()
     ]
-    if ratings is not None and ratings.misfit > _MISFIT:
+    if ratings is not None and ratings.mislead:
         lines.append(f"\nRatings mislead here: who wins depends on who meets whom (misfit {ratings.misfit:.1f})")
     return data, "\n".join(lines)
 

@@ -6,21 +6,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from analysis.ancestry import Ancestry, ancestors
-from analysis.progress import Diagnosis
 from analysis.tournament import (
     Against,
     Left,
     Tournament,
     chosen_generations,
-    diagnoses,
+    in_words,
+    largest_tournament,
     left_over,
     play_again,
     play_against,
     play_tournament,
     single_skill_outsiders,
-    stored_tournaments,
 )
 from coevo.contest import Judged, judge
+from coevo.errors import InputError
 from coevo.evolution.evaluation import Evaluator
 from coevo.game import SoccerGame, programs_of
 from coevo.replay import game_recording, make_page
@@ -45,22 +45,22 @@ class Findings:
         run: the run.
         judged: how its last champions do in unseen games.
         tournament: all generations against each other, or some.
-        diagnoses: of each side of it; None where there are too few generations.
+        dynamics: what these are called for each side, in words.
         against: generations against single skills.
         left: how much of champions' advantage is left when they play again.
         trees: the champion of each robot of the last generation, with its use.
-        ancestries: where these came from.
+        ancestries: where these came from, or why that cannot be told.
         replay: a page that plays games of the last champions; empty where the game has no pictures.
     """
 
     run: Run
     judged: Sequence[Judged]
     tournament: Tournament
-    diagnoses: Sequence[Diagnosis | None]
+    dynamics: Sequence[str]
     against: Against
     left: Sequence[Left]
     trees: Sequence[UsedTree]
-    ancestries: Sequence[Ancestry]
+    ancestries: Sequence[Ancestry | str]
     replay: str
 
     @property
@@ -85,8 +85,8 @@ def find_out(run: Run, evaluator: Evaluator, tell: Callable[[str], None]) -> Fin
     generations = chosen_generations(run.finished, max(1, -(-run.finished // _GENERATIONS)))
     tell(f"Judging the last champions by {_UNSEEN} games that evolution has not seen ...")
     judged = list(judge(run, evaluator, games=_UNSEEN))
-    kept = next((one for one in stored_tournaments(run) if one.individuals == "best"), None)
-    if kept is not None and kept.generations[-1] == run.finished - 1 and len(kept.generations) >= len(generations):
+    kept = largest_tournament(run)
+    if kept is not None and len(kept.generations) >= len(generations):
         tournament = kept
     else:
         tell(f"Letting {len(generations)} generations play against each other ...")
@@ -97,14 +97,16 @@ def find_out(run: Run, evaluator: Evaluator, tell: Callable[[str], None]) -> Fin
     tell("Following trees and their ancestry ...")
     last = run.finished - 1
     trees = [used_tree(run, robot, last) for robot in run.evolving.values()]
-    ancestries = [
-        ancestors(
-            run, tree.robot, last, int(run.record(last, tree.robot)["index"].iloc[0]), node_steps=tree.usage.node_steps
-        )
-        for tree in trees
-    ]
-    found = diagnoses(tournament)
-    return Findings(run, judged, tournament, found, against, left, trees, ancestries, _replay(run))
+    ancestries = [_ancestry(run, tree) for tree in trees]
+    return Findings(run, judged, tournament, in_words(tournament), against, left, trees, ancestries, _replay(run))
+
+
+def _ancestry(run: Run, tree: UsedTree) -> Ancestry | str:
+    index = int(run.record(tree.generation, tree.robot)["index"].iloc[0])
+    try:
+        return ancestors(run, tree.robot, tree.generation, index, node_steps=tree.usage.node_steps)
+    except InputError as error:  # bred by another version
+        return f"{tree.robot}: {error}"
 
 
 def _replay(run: Run) -> str:

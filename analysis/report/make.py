@@ -44,5 +44,5 @@ def make_report(
         findings = find_out(run, evaluator, tell)
     tell("Drawing ...")
     title, under = title_of(run)
-    short = in_short(run, findings.judged, findings.diagnoses, findings.left)
+    short = in_short(run, findings.judged, findings.dynamics, findings.left)
     return render(title, under, sections_of(findings), made), {"runs": 1, "short": short}

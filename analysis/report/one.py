@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -27,7 +28,6 @@ from analysis.report.parts import (
 )
 from analysis.report.words import in_short, percent, who
 from analysis.tournament import rate
-from analysis.tournament.dynamics import TOO_FEW
 from analysis.tournament.tables import against_table, master_table, matrix_table
 from coevo.config import to_toml
 from coevo.portrait import describe
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     import altair as alt
 
 __all__ = ["figure", "sections_of", "title_of"]
-
-_MISFIT = 1.5
 
 
 def sections_of(findings: Findings) -> list[Section]:
@@ -68,7 +66,7 @@ def _short(findings: Findings) -> Section:
     ]
     header = ["side", "last champions", "first champions", "best single skills", "which"]
     caption = f"Share of {findings.judged[0].games} unseen games won, with 95 % intervals."
-    texts = in_short(findings.run, findings.judged, findings.diagnoses, findings.left)
+    texts = in_short(findings.run, findings.judged, findings.dynamics, findings.left)
     return Section("short", "In short", "In short", [Short(texts), Table(header, rows, caption)])
 
 
@@ -111,10 +109,7 @@ def _progress(findings: Findings) -> Section:
 
     played, sides = findings.tournament, findings.sides
     alone = len(sides) == 1
-    told = [
-        f"{side}: {', '.join(sorted(of.labels))}. {of.text}" if of else f"{side}: {TOO_FEW}"
-        for side, of in zip(sides.values(), findings.diagnoses, strict=True)
-    ]
+    told = [f"{side}: {said}" for side, said in zip(sides.values(), findings.dynamics, strict=True)]
     matrix, master = matrix_table(played), master_table(played)
     met = "from other starts" if alone else "against the champions of other generations"
     parts: list[Part] = [
@@ -153,7 +148,7 @@ def _progress(findings: Findings) -> Section:
         ratings = rate(played)
         warning = (
             f" Who wins depends on who meets whom here (misfit {ratings.misfit:.1f}): ratings mislead."
-            if ratings.misfit > _MISFIT
+            if ratings.mislead
             else ""
         )
         parts.append(
@@ -165,14 +160,16 @@ def _progress(findings: Findings) -> Section:
             )
         )
     if findings.left:
-        rows = [[one.robot, f"{one.share:.0%}", f"[{one.low:.0%}, {one.high:.0%}]"] for one in findings.left]
+        rows = [[one.robot, one.text] for one in findings.left]
         parts += [
             Heading("Played again"),
             Text(
                 "How much of a champion's advantage over its generation is left with other partners and other starts."
             ),
             Table(
-                ["robot", "left", "95 % interval"], rows, f"Champions of {findings.left[0].generations} generations."
+                ["robot", "left, with its 95 % interval"],
+                rows,
+                f"Champions of {findings.left[0].generations} generations.",
             ),
         ]
     return Section("progress", "Progress", "Is it progress?", parts)
@@ -209,6 +206,9 @@ def _ancestry(findings: Findings) -> Section:
 
     parts: list[Part] = []
     for found in findings.ancestries:
+        if isinstance(found, str):
+            parts.append(Text(found))
+            continue
         parts.append(Heading(found.robot))
         parts += [Text(text) for text in sentences(summary(found))]
         parts += [
@@ -235,12 +235,12 @@ def _games(replay: str) -> Section:
 
 
 def _settings(run: Run) -> Section:
-    versions = run.environment
+    versions, folder = run.environment, shlex.quote(str(run.path))
     steps = [
-        f"coevo evolve {run.path}/config.toml --out again",
-        f"coevo tournament {run.path}",
-        f"coevo play {run.path} --games 20",
-        f"coevo report {run.path}",
+        f"coevo evolve {shlex.quote(str(run.path / 'config.toml'))} --out again",
+        f"coevo tournament {folder}",
+        f"coevo play {folder} --games 20",
+        f"coevo report {folder}",
     ]
     parts: list[Part] = [
         Text("The first command repeats the run, to the byte; the others make again what this page shows, and more."),

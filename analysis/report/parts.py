@@ -130,9 +130,14 @@ class Section:
     parts: Sequence[Part]
 
 
+_LARGE = 1000.0
+
+
 def _cell(value: object) -> str:
     if isinstance(value, float):
-        return f"{value:.4g}" if math.isfinite(value) else ""
+        if not math.isfinite(value):
+            return ""
+        return f"{value:.0f}" if value.is_integer() or abs(value) >= _LARGE else f"{value:.4g}"
     return str(value)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ from analysis.groups import group_names, run_names
 from analysis.report.one import figure
 from analysis.report.parts import Code, Part, Points, Section, Short, Table, Text
 from analysis.report.words import percent, who
-from analysis.tournament import cross_play, diagnoses, same_game, stored_tournaments
+from analysis.tournament import cross_play, diagnoses, largest_tournament, same_game
 from coevo.contest import Judged, judge
 from coevo.evolution.evaluation import Evaluator
 from coevo.run import Run
@@ -71,7 +72,7 @@ def compare(runs: Sequence[Run], *, workers: int, backend: str, tell: Callable[[
         tell(f"Judging the last champions of {name} ...")
         with Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator:
             judged.append(list(judge(run, evaluator, games=_UNSEEN)))
-        kept = next((one for one in stored_tournaments(run) if one.individuals == "best"), None)
+        kept = largest_tournament(run)
         found = [] if kept is None else [of for of in diagnoses(kept) if of is not None]
         labels.append("; ".join(", ".join(sorted(of.labels)) for of in found))
         rows += [
@@ -97,12 +98,14 @@ def _improvements(found: Comparison) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["side", "group", "than", "probability", "low", "high"])
 
 
-def _group_table(found: Comparison) -> pd.DataFrame:
+def _group_table(found: Comparison) -> list[tuple[str, str, str]]:
+    """Return side and group, number of runs, and the mean of their scores with its interval over runs."""
     rows = []
     for (side, group), part in found.scores.groupby(["side", "group"], sort=False):
         mean, low, high = (float(value) for value in bootstrap_interval(part["score"].to_numpy()))
-        rows.append((side, group, len(part), mean, max(0.0, low), min(1.0, high)))
-    return pd.DataFrame(rows, columns=["side", "group", "runs", "score", "low", "high"])
+        told = percent((mean, max(0.0, low), min(1.0, high))) if len(part) > 1 else f"{100 * mean:.0f} %"
+        rows.append((f"{side}: {group}", str(len(part)), told))
+    return rows
 
 
 def sections_of_several(found: Comparison) -> tuple[list[Section], list[str]]:
@@ -177,11 +180,7 @@ def _meetings(found: Comparison, improvements: pd.DataFrame) -> Section:
         return Section("meetings", "Against each other", "", [])
     from analysis.tournament.charts import cross_chart
 
-    scores = _group_table(found)
-    rows = [
-        [f"{side}: {group}", str(runs), percent((score, low, high))]
-        for side, group, runs, score, low, high in scores.itertuples(index=False)
-    ]
+    rows = _group_table(found)
     alone = not any(one.robots != found.judged[0][0].robots for one in found.judged[0])
     about = (
         "Each run's last champions play from the same starts."
@@ -215,13 +214,18 @@ def _use(found: Comparison) -> Section:
 def _again(found: Comparison) -> Section:
     paths = [str(run.path) for run in found.runs]
     runs = list(zip(found.runs, found.names, strict=True))
-    steps = [f"coevo evolve {run.path}/config.toml --out again-{name.replace('/', '-')}" for run, name in runs]
+    steps = [
+        f"coevo evolve {shlex.quote(f'{run.path}/config.toml')} --out {shlex.quote('again-' + name.replace('/', '-'))}"
+        for run, name in runs
+    ]
     return Section(
         "settings",
         "Settings",
         "How to repeat it",
         [
             Points([f"{name}: {found.groups[name]}, seed {run.config.seed}" for run, name in runs]),
-            Code("\n".join([*steps, f"coevo report {' '.join(paths)}"])),
+            Code("\n".join([*steps, f"coevo report {shlex.join(paths)}"])),
+            Text("Trees, ancestry, games and the tournament of a run are on its own page:"),
+            Code("\n".join(f"coevo report {shlex.quote(path)}" for path in paths)),
         ],
     )

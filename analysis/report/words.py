@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from analysis.progress import Diagnosis
 from analysis.tournament import Left
 from coevo.contest import Judged
 from coevo.run import Run
@@ -34,7 +33,7 @@ def compared(above: tuple[float, float, float]) -> str:
     return f"as many, as far as these games can tell ({points[0]:+d} points [{points[1]:+d}, {points[2]:+d}]), as"
 
 
-def in_short(run: Run, judged: Sequence[Judged], found: Sequence[Diagnosis | None], left: Sequence[Left]) -> list[str]:
+def in_short(run: Run, judged: Sequence[Judged], dynamics: Sequence[str], left: Sequence[Left]) -> list[str]:
     """Return a few paragraphs: what was run, what came of it, whether it was progress, and how much was luck."""
     config = run.config
     generations, gp = run.finished, config.gp
@@ -44,7 +43,7 @@ def in_short(run: Run, judged: Sequence[Judged], found: Sequence[Diagnosis | Non
     unfinished = "" if run.is_finished else f" It is not finished: {gp.generations} generations were asked for."
     size = f"{generations} generations of {gp.population} trees a robot"
     texts = [f"{against} co-evolved for {size}, in {games:,} games.{unfinished}"]
-    for one, diagnosis in zip(judged, found, strict=True):
+    for one, named in zip(judged, dynamics, strict=True):
         skills = who([f"{robot} {skill}" for robot, skill in one.skills.items()])
         side = who(one.robots)
         opponents = " against the last of the other side" if len(judged) > 1 else ""
@@ -53,11 +52,9 @@ def in_short(run: Run, judged: Sequence[Judged], found: Sequence[Diagnosis | Non
             f" {percent(one.last)}{opponents}. That is {compared(one.over_first)} the first champions,"
             f" and {compared(one.over_single_skills)} the best team of single skills ({skills})."
         )
-        texts.append(text + (f" {diagnosis.text}" if diagnosis is not None else ""))
+        texts.append(f"{text} {named}")
     if left:
-        shares = ", ".join(
-            f"{one.robot} {100 * one.share:.0f} % [{100 * one.low:.0f}, {100 * one.high:.0f}]" for one in left
-        )
+        shares = ", ".join(f"{one.robot} {one.text}" for one in left)
         texts.append(
             "The best fitness of a generation is that of a tree that is good and lucky. Of the champions' advantage"
             f" over their generation, this much is left when they play again: {shares}. The curves of the best"

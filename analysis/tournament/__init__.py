@@ -8,15 +8,16 @@ from analysis.tournament.against import (
     single_skill_outsiders,
 )
 from analysis.tournament.cross import cross_play, same_game
-from analysis.tournament.dynamics import diagnoses
+from analysis.tournament.dynamics import diagnoses, in_words
 from analysis.tournament.play import (
     INDIVIDUALS,
     Tournament,
     chosen_generations,
+    largest_tournament,
     play_tournament,
     stored_tournaments,
 )
-from analysis.tournament.ratings import Ratings, rate
+from analysis.tournament.ratings import Ratings, can_rate, rate
 from analysis.tournament.repeats import Left, left_over, play_again
 
 __all__ = [
@@ -26,9 +27,12 @@ __all__ = [
     "Outsider",
     "Ratings",
     "Tournament",
+    "can_rate",
     "chosen_generations",
     "cross_play",
     "diagnoses",
+    "in_words",
+    "largest_tournament",
     "left_over",
     "play_again",
     "play_against",

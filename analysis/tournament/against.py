@@ -73,7 +73,7 @@ def read_outsider(run: Run, text: str) -> Outsider:
         InputError: says what was expected.
     """
     folder = Path(text)
-    if (folder / "config.toml").is_file():
+    if _is_run(folder):
         other = open_run(folder)
         names = {name: role for role, name in run.evolving.items()}
         if set(names) != set(other.evolving.values()):
@@ -84,9 +84,7 @@ def read_outsider(run: Run, text: str) -> Outsider:
         last = other.finished - 1
         if last < 0:
             raise InputError(f"{folder} has no finished generation")
-        return _checked(
-            run, Outsider(folder.name, tuple((role, str(other.tree(n, last))) for n, role in names.items()))
-        )
+        return _checked(run, Outsider(text, tuple((role, str(other.tree(n, last))) for n, role in names.items())))
     given = [part.strip() for part in text.split("+")]
     trees = []
     for team in evolving_teams(run.game):
@@ -98,6 +96,13 @@ def read_outsider(run: Run, text: str) -> Outsider:
     if not trees:
         raise InputError(f"--against {text}: no side has {len(given)} robots; give one tree for all, or one for each")
     return _checked(run, Outsider(text, tuple(trees)))
+
+
+def _is_run(folder: Path) -> bool:
+    try:
+        return (folder / "config.toml").is_file()
+    except OSError:  # a tree may be longer than names of files can be
+        return False
 
 
 def _checked(run: Run, outsider: Outsider) -> Outsider:

@@ -63,7 +63,8 @@ def cross_play(runs: Sequence[Run], names: Sequence[str], evaluator: Evaluator, 
     matches = []
     for team, a, b in pairs:
         others: list[LineUp] = [part for other, part in last[b].items() if other != team]
-        matches.append(Match(line_up(game, last[a][team], *others), blocks[(a + b) % len(runs)]))
+        block = b if len(teams) == 1 else (a + b) % len(runs)  # whoever has no other side plays from the same starts
+        matches.append(Match(line_up(game, last[a][team], *others), blocks[block]))
     rows = []
     for (team, a, b), played in zip(pairs, evaluator.play(matches), strict=True):
         side = ", ".join(game.roles[role].name for role in last[a][team])

@@ -6,7 +6,8 @@ and D. Floreano, "Coevolving predator and prey robots", Artificial Life 4, 1998)
 generations can play, by members drawn at random (A. Bader-Natal and J. B. Pollack, "A population-differential approach
 to monitoring failure in coevolution", AAAI 2004).
 
-Each champion plays from the same starts in all: those of a pair are block (i + j) modulo the number of generations.
+Each champion plays from the same starts in all: with n generations that take part, the pair of the i-th and the j-th
+plays from block (i + j) modulo n. A team that plays alone has block j in column j.
 """
 
 from __future__ import annotations
@@ -27,10 +28,19 @@ from coevo.run import Run
 from coevo.seeds import RunStream, game_seeds, generator
 from coevo.tree import compile_program
 
-__all__ = ["INDIVIDUALS", "Tournament", "chosen_generations", "play_tournament", "stored_tournaments"]
+__all__ = [
+    "INDIVIDUALS",
+    "Tournament",
+    "chosen_generations",
+    "kept_name",
+    "largest_tournament",
+    "play_tournament",
+    "stored_tournaments",
+]
 
 INDIVIDUALS = ("best", "all")
 _SAVE_SECONDS = 2.0
+_ENOUGH_GAMES = 5  # of a pair, to be shown as what came of a run
 
 
 @dataclass(frozen=True)
@@ -44,8 +54,9 @@ class Tournament:
         games: of each pair.
         individuals: "best" or "all", who plays for a generation.
         wins: (matrices, n, n, teams) int64, games that each team won; -1 where they are not played yet. With one team
-            the columns are repetitions from other starts. With two the rows are generations of the first team and the
+            the columns are sets of starts. With two the rows are generations of the first team and the
             columns those of the second. With more, matrix k has rows of team k, and columns of all others together.
+        foreign: (matrices, n, n) int64, games that a team won of which no role evolves.
         totals: (matrices, n, n, roles, counts) int64, what was counted, summed over the games of a pair.
     """
 
@@ -55,6 +66,7 @@ class Tournament:
     games: int
     individuals: str
     wins: NDArray[np.int64]
+    foreign: NDArray[np.int64]
     totals: NDArray[np.int64]
 
     @property
@@ -73,12 +85,15 @@ class Tournament:
     def lost(self, side: int) -> NDArray[np.float64]:
         """Return (n, n) share of games that any other side won."""
         others = [self._of(side, other) for other in range(len(self.teams)) if other != side]
-        total: NDArray[np.float64] = np.sum([np.zeros_like(self._of(side, side)), *others], axis=0) / self.games
+        total: NDArray[np.float64] = np.sum([self._seen_from(side, self.foreign), *others], axis=0) / self.games
         return total
 
     def _of(self, side: int, winner: int) -> NDArray[np.int64]:
-        matrix = side if len(self.teams) > 2 else 0
-        found: NDArray[np.int64] = self.wins[matrix, :, :, winner]
+        return self._seen_from(side, self.wins[..., winner])
+
+    def _seen_from(self, side: int, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return (n, n) of (matrices, n, n), a row a generation of the side."""
+        found: NDArray[np.int64] = counts[side if len(self.teams) > 2 else 0]
         return found.T if len(self.teams) == 2 and side == 1 else found
 
 
@@ -98,9 +113,10 @@ def chosen_generations(finished: int, every: int) -> tuple[int, ...]:
     return tuple(sorted({*range(0, finished, every), finished - 1}))
 
 
-def _name(generations: Sequence[int], games: int, individuals: str) -> str:
+def kept_name(what: str, times: int, generations: Sequence[int]) -> str:
+    """Return the name under which something about some generations is kept."""
     step = generations[1] - generations[0] if len(generations) > 1 else 1
-    return f"tournament-{individuals}-{games}x{len(generations)}-every{step}-to{generations[-1]}"
+    return f"{what}-{times}x{len(generations)}-every{step}-to{generations[-1]}"
 
 
 def _members(run: Run, generation: int, games: int) -> list[dict[int, LineUp]]:
@@ -129,7 +145,8 @@ class _Plan:
     def matches(self, team: int, i: int, j: int) -> list[Match]:
         """Return the matches of generation i of a team against generation j of all others."""
         config, game = self.run.config, self.run.game
-        block = (self.generations[i] + self.generations[j]) % config.gp.generations
+        alone = len(evolving_teams(game)) == 1
+        block = j if alone else (i + j) % len(self.generations)
         seeds = game_seeds(config.seed, RunStream.TOURNAMENT, block, count=self.games)
         pairs = list(zip(self.entrants[i], self.entrants[j], strict=True))
         lots = np.split(seeds, len(pairs))
@@ -145,15 +162,18 @@ def _empty(run: Run, generations: tuple[int, ...], games: int, individuals: str)
     robots = tuple(tuple(role.name for role in game.roles if role.evolves and role.team == team) for team in teams)
     shape = (len(teams) if len(teams) > 2 else 1, n, n)
     totals = np.zeros((*shape, len(game.roles), len(game.counts)), np.int64)
-    return Tournament(teams, robots, generations, games, individuals, np.full((*shape, len(teams)), -1), totals)
+    wins, foreign = np.full((*shape, len(teams)), -1), np.zeros(shape, np.int64)
+    return Tournament(teams, robots, generations, games, individuals, wins, foreign, totals)
 
 
 def _enter(tournament: Tournament, run: Run, at: tuple[int, int, int], played: Sequence[Played]) -> None:
     winner = np.concatenate([one.winner for one in played])
-    tournament.wins[at] = [(winner == team).sum() for team in tournament.teams]
     tournament.totals[at] = np.array(
         [np.sum([one.counts[name].sum(axis=0) for one in played], axis=0) for name in run.game.counts]
     ).T
+    tournament.foreign[at] = ((winner >= 0) & ~np.isin(winner, tournament.teams)).sum()
+    # Last: what is stopped in between is not taken for played.
+    tournament.wins[at] = [(winner == team).sum() for team in tournament.teams]
 
 
 def play_tournament(
@@ -176,7 +196,7 @@ def play_tournament(
         report: called after each row with the number of pairs that are played, and of all.
     """
     chosen = tuple(generations)
-    name = _name(chosen, games, individuals)
+    name = kept_name(f"tournament-{individuals}", games, chosen)
     tournament = _read(run, name, chosen, games, individuals) or _empty(run, chosen, games, individuals)
     if tournament.is_finished:
         return tournament
@@ -207,7 +227,8 @@ def play_tournament(
 
 def _save(run: Run, name: str, tournament: Tournament) -> None:
     told = {"generations": np.array(tournament.generations), "games": np.array([tournament.games])}
-    run.save_result(name, {**told, "wins": tournament.wins, "totals": tournament.totals})
+    parts = {"wins": tournament.wins, "foreign": tournament.foreign, "totals": tournament.totals}
+    run.save_result(name, {**told, **parts})
 
 
 def _read(run: Run, name: str, generations: tuple[int, ...], games: int, individuals: str) -> Tournament | None:
@@ -216,11 +237,18 @@ def _read(run: Run, name: str, generations: tuple[int, ...], games: int, individ
         return None
     fresh = _empty(run, generations, games, individuals)
     same = tuple(arrays["generations"].tolist()) == generations and int(arrays["games"][0]) == games
-    if not same or arrays["wins"].shape != fresh.wins.shape or arrays["totals"].shape != fresh.totals.shape:
+    parts = [arrays.get(part) for part in ("wins", "foreign", "totals")]
+    shapes = [fresh.wins.shape, fresh.foreign.shape, fresh.totals.shape]
+    if not same or [None if part is None else part.shape for part in parts] != shapes:
         return None
-    return Tournament(
-        fresh.teams, fresh.robots, generations, games, individuals, arrays["wins"].copy(), arrays["totals"].copy()
-    )
+    wins, foreign, totals = (part.copy() for part in parts if part is not None)
+    return Tournament(fresh.teams, fresh.robots, generations, games, individuals, wins, foreign, totals)
+
+
+def largest_tournament(run: Run) -> Tournament | None:
+    """Return the tournament of champions with most generations that is kept, if it goes to the last generation."""
+    kept = [one for one in stored_tournaments(run) if one.individuals == "best" and one.games >= _ENOUGH_GAMES]
+    return next((one for one in kept if one.generations[-1] == run.finished - 1), None)
 
 
 def stored_tournaments(run: Run) -> list[Tournament]:

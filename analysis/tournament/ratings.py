@@ -8,6 +8,7 @@ beats a: where a tournament cycles, ratings mislead, and ``misfit`` tells so.
 
 from __future__ import annotations
 
+import importlib.util
 import warnings
 from dataclasses import dataclass
 
@@ -19,9 +20,10 @@ from analysis.tournament.play import Tournament
 from coevo.errors import InputError
 from coevo.statistics import LEVEL
 
-__all__ = ["Ratings", "rate"]
+__all__ = ["Ratings", "can_rate", "rate"]
 
 _POINTS = 400.0 / np.log(10.0)
+_MISFIT = 1.5  # above it one number a champion is too few
 _PRIOR_GAMES = 1.0  # each champion's draws against an average one: who always wins has a finite rating
 
 
@@ -38,6 +40,16 @@ class Ratings:
 
     table: pd.DataFrame
     misfit: float
+
+    @property
+    def mislead(self) -> bool:
+        """Whether results depend on who meets whom."""
+        return self.misfit > _MISFIT
+
+
+def can_rate() -> bool:
+    """Return whether what ratings need is installed."""
+    return importlib.util.find_spec("statsmodels") is not None
 
 
 def _outcomes(tournament: Tournament) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from analysis.tournament.play import kept_name
 from coevo.evolution.evaluation import Evaluator, Match
 from coevo.fitness import Scorer
 from coevo.records import GenerationRecord
@@ -24,11 +25,6 @@ from coevo.tree import Program, compile_program
 __all__ = ["Left", "left_over", "play_again"]
 
 _RESAMPLES = 2000
-
-
-def _name(generations: Sequence[int], repeats: int) -> str:
-    step = generations[1] - generations[0] if len(generations) > 1 else 1
-    return f"again-{repeats}x{len(generations)}-every{step}-to{generations[-1]}"
 
 
 def play_again(
@@ -52,7 +48,7 @@ def play_again(
         a row a generation and robot: ``generation``, ``robot``, ``fitness`` (as evolution saw it), ``mean`` (of its
         population), ``again`` (mean of the repeats), ``spread`` (standard deviation of one repeat).
     """
-    name = _name(generations, repeats)
+    name = kept_name("again", repeats, generations)
     kept = run.result(name)
     robots = list(run.evolving.values())
     if kept is None:
@@ -115,15 +111,23 @@ class Left:
 
     Attributes:
         robot: whose champions.
-        share: 1 if all of it is left, 0 if none. low, high: its 95 % interval over generations.
+        share: 1 if all of it is left, 0 if none.
+        low, high: its 95 % interval over generations; None if there are fewer than three.
         generations: how many.
     """
 
     robot: str
     share: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
     generations: int
+
+    @property
+    def text(self) -> str:
+        """The share with its interval, if there is one."""
+        if self.low is None or self.high is None:
+            return f"{self.share:.0%}"
+        return f"{self.share:.0%} [{self.low:.0%}, {self.high:.0%}]"
 
 
 def left_over(table: pd.DataFrame) -> list[Left]:
@@ -143,7 +147,7 @@ def left_over(table: pd.DataFrame) -> list[Left]:
         if total <= 0.0:
             continue
         share = float(again.sum()) / total
-        low = high = share
+        low = high = None
         if len(rows) > 2:
             drawn = np.random.default_rng(0).integers(len(rows), size=(_RESAMPLES, len(rows)))
             advantage = first[drawn].sum(axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import time
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ import click
 
 from coevo.config import EvolutionSettings, RunSettings
 from coevo.console import Progress, duration, emit, note, output_options, table, worker_options
+from coevo.errors import InputError
 from coevo.recipes import is_path, read_experiment
 
 if TYPE_CHECKING:
@@ -77,7 +79,8 @@ def evolve(
     try:
         _go_on(run, workers, backend, unseen, as_json=as_json, quiet=quiet)
     except StartsDoNotFitError:
-        shutil.rmtree(run.path)  # it could never go on
+        if run.finished == 0:
+            shutil.rmtree(run.path)  # it could never go on
         raise
 
 
@@ -161,10 +164,14 @@ def _judged(run: Run, workers: int, backend: str, games: int | None, *, quiet: b
         games = min(400, max(40, gp.generations * gp.population * run.config.evaluation.games // 20))
     if games == 0:
         return []
-    prepare(run.config, lambda text: note(text, quiet=quiet))
-    note(f"Judging the last champions by {games} games that evolution has not seen ...", quiet=quiet)
-    with Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator:
-        return list(judge(run, evaluator, games=games))
+    try:
+        prepare(run.config, lambda text: note(text, quiet=quiet))
+        note(f"Judging the last champions by {games} games that evolution has not seen ...", quiet=quiet)
+        with Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator:
+            return list(judge(run, evaluator, games=games))
+    except InputError as error:  # the run itself is whole
+        note(f"The last champions could not be judged: {error}")
+        return []
 
 
 def _line(of: GenerationReport, generations: int, left: float) -> str:
@@ -214,11 +221,12 @@ def _summarise(run: Run, seconds: float, judged: Sequence[Judged], *, as_json: b
     click.echo(f"({what}. The best is the luckiest of {settings.gp.population}, too.)")
     if judged:
         click.echo(f"\n{_verdict(judged)}")
+    folder = shlex.quote(str(run.path))
     click.echo(f"\nRun folder: {run.path}. What next:")
-    click.echo(f"  One page to read and show:  coevo report {run.path}")
-    click.echo(f"  What a robot does:          coevo inspect {run.path} --robot {next(iter(robots))}")
+    click.echo(f"  One page to read and show:  coevo report {folder}")
+    click.echo(f"  What a robot does:          coevo inspect {folder} --robot {next(iter(robots))}")
     watch = " --games 3 --video game.html" if isinstance(settings, RunSettings) else ""
-    click.echo(f"  Let them play:              coevo play {run.path}{watch}")
+    click.echo(f"  Let them play:              coevo play {folder}{watch}")
 
 
 def _verdict(judged: Sequence[Judged]) -> str:

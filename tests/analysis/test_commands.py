@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import pandas as pd
@@ -11,6 +12,7 @@ import pytest
 
 from analysis.progress import LABELS
 from analysis.tournament import stored_tournaments
+from coevo.errors import InputError
 from coevo.run import open_run
 
 
@@ -92,6 +94,39 @@ def test_wrong_input_is_told_and_nothing_is_played(arguments, parts, coevo, no_r
     monkeypatch.chdir(tmp_path)
     refused(coevo(*(str(no_results) if word == "RUN" else word for word in arguments)), *parts)
     assert not (no_results / "results").exists()
+
+
+def test_tables_need_no_altair(coevo, no_results, monkeypatch, tmp_path):
+    monkeypatch.setattr(
+        "importlib.util.find_spec", lambda name: None if name in ("altair", "vl_convert", "statsmodels") else object()
+    )
+    for module in ("altair", "vl_convert", "statsmodels", "statsmodels.api"):
+        monkeypatch.setitem(sys.modules, module, None)
+    for charts in ("analysis.tournament.charts", "analysis.ancestry.charts"):
+        monkeypatch.delitem(sys.modules, charts, raising=False)
+    said = coevo("tournament", no_results, "--games", 1, "--again", 0, "--out", tmp_path / "matrix.csv", "--json")
+    assert json.loads(said.out)["ratings"] == []
+    assert coevo("ancestry", no_results, "--out", tmp_path / "ancestors.csv").code == 0
+    assert len(pd.read_csv(tmp_path / "ancestors.csv")) > 0
+
+
+def test_two_runs_of_one_name_are_two_outsiders(coevo, no_results, tmp_path):
+    for name in ("a", "b"):
+        shutil.copytree(no_results, tmp_path / name / "run")
+    others = [word for name in ("a", "b") for word in ("--against", tmp_path / name / "run")]
+    said = coevo("tournament", no_results, "--games", 1, "--again", 0, *others, *others)
+    assert said.code == 0
+    assert "6 of 6 outsiders" in said.err
+
+
+def test_a_run_that_cannot_be_judged_is_whole_all_the_same(coevo, copied_run, monkeypatch):
+    def fail(_run, _evaluator, *, games):  # noqa: ARG001 - as of judge
+        raise InputError("the robots and the ball do not fit")
+
+    monkeypatch.setattr("coevo.contest.judge", fail)
+    said = coevo("resume", copied_run, "--unseen", 40)
+    assert said.code == 0
+    assert "could not be judged: the robots and the ball do not fit" in said.err
 
 
 def test_charts_without_altair_say_what_to_install(coevo, no_results, monkeypatch):

@@ -51,8 +51,8 @@ def test_contents_and_tables_work_by_keyboard(open_page, reported):
 
 def test_games_play_within_the_page(open_page, reported):
     opened = open_page(reported[0])
+    opened.page.locator("iframe").scroll_into_view_if_needed()  # out of sight it stands still
     frame = opened.page.frame_locator("iframe")
-    frame.locator("#play").scroll_into_view_if_needed()
     frame.locator("#play").click()
     opened.page.wait_for_timeout(600)
     frame.locator("#play").click()

@@ -60,6 +60,13 @@ def test_what_was_played_is_read(small_run):
     assert np.array_equal(first.wins, again.wins)
 
 
+def test_a_tree_longer_than_a_file_name_is_a_tree(small_run):
+    text = "shoot"
+    for _ in range(200):
+        text = f"IF_ball_is_lost({text}, search)"
+    assert read_outsider(small_run, text).trees[0] == (0, text)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -7,12 +7,13 @@ import itertools
 import numpy as np
 import pytest
 
-from analysis.tournament import chosen_generations, play_tournament, stored_tournaments
+import analysis.tournament.play as play_module
+from analysis.tournament import chosen_generations, largest_tournament, play_tournament, stored_tournaments
 from coevo.contest import champions, line_up, single_skills
 from coevo.errors import InputError
 from coevo.evolution.evaluation import Evaluator
 from coevo.game import SoccerGame
-from coevo.run import open_run
+from coevo.run import create_run, open_run
 from coevo.seeds import RunStream, game_seeds
 
 
@@ -47,10 +48,10 @@ def strength(run, team, generation):
 def test_every_pair_is_what_its_games_played_alone_give(copied):
     run = copied()
     tournament = play(run)
-    game, generations = SoccerGame(run.config), run.config.gp.generations
+    game = SoccerGame(run.config)
     for i, j in itertools.product(range(3), repeat=2):
         trees = {**champions(run, i)[0], **champions(run, j)[1]}
-        seeds = game_seeds(run.config.seed, RunStream.TOURNAMENT, (i + j) % generations, count=4)
+        seeds = game_seeds(run.config.seed, RunStream.TOURNAMENT, (i + j) % 3, count=4)
         alone = game.play(line_up(game, trees), seeds)
         assert tournament.share(0)[i, j] == (alone.winner == 0).mean()
         assert tournament.share(1)[j, i] == (alone.winner == 1).mean()
@@ -97,6 +98,52 @@ def test_on_the_ladder_the_stronger_wins(ladder):
     assert np.array_equal(tournament.share(1), np.less.outer(mine, theirs).T.astype(float))
 
 
+def test_whoever_takes_part_plays_from_the_same_starts(ladder):
+    run = ladder(2, luck=3.0, generations=7)
+    tournament = play(run, generations=(0, 3, 6))
+    own = [1000 * np.array([strength(run, team, g) for g in (0, 3, 6)]) * 4 for team in (0, 1)]
+    rows = tournament.totals[0, :, :, 0, 0] - own[0][:, None]
+    columns = tournament.totals[0, :, :, 1, 0] - own[1][None, :]
+    assert all(sorted(row) == sorted(rows[0].tolist()) for row in rows.tolist())
+    assert all(sorted(column) == sorted(columns[:, 0].tolist()) for column in columns.T.tolist())
+
+
+def test_games_that_a_team_without_evolution_wins_are_lost(small_settings, go_on, tmp_path):
+    settings = small_settings(
+        *("gp.population=4", "gp.generations=2", "game.time_limit_steps=400", "skills.shoot=avoid"),
+        preset="stationary-opponent",
+    )
+    run = go_on(create_run(tmp_path / "run", settings))
+    tournament = play(run, generations=(0, 1), games=60)
+    trees = [champions(run, 0)[0], champions(run, 1)[0]]
+    game = SoccerGame(run.config)
+    for i, column in itertools.product(range(2), repeat=2):
+        seeds = game_seeds(run.config.seed, RunStream.TOURNAMENT, column, count=60)
+        winner = game.play(line_up(game, trees[i]), seeds).winner
+        assert tournament.share(0)[i, column] == (winner == 0).mean()
+        assert tournament.lost(0)[i, column] == (winner == 1).mean()
+
+
+def test_what_is_stopped_within_a_pair_is_played_again(copied, monkeypatch):
+    whole, stopped = copied(), copied()
+    play(whole)
+    (path,) = (whole.path / "results").iterdir()
+    entered, before = [], play_module._enter
+
+    def interrupt(*arguments):
+        entered.append(arguments)
+        if len(entered) == 5:
+            raise KeyboardInterrupt
+        before(*arguments)
+
+    monkeypatch.setattr(play_module, "_enter", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        play(stopped)
+    monkeypatch.undo()
+    play(open_run(stopped.path))
+    assert (stopped.path / "results" / path.name).read_bytes() == path.read_bytes()
+
+
 def test_with_three_teams_each_meets_the_two_others_together(ladder):
     run = ladder(3)
     tournament = play(run, generations=(0, 2, 3))
@@ -116,6 +163,7 @@ def test_a_team_alone_plays_from_the_same_starts_in_every_generation(ladder):
     assert all(
         sorted(row) == sorted(by_strength[0]) for row in by_strength.tolist()
     )  # the luck of all rows is the same
+    assert np.all(by_strength == by_strength[0])  # in the same columns
     assert len(set(by_strength[0].tolist())) == 4
     assert np.all(tournament.share(0) == 1.0)  # nobody else could win
 
@@ -142,6 +190,16 @@ def test_a_damaged_or_foreign_result_is_told(copied, ladder):
     (other.path / "results" / path.name).write_bytes(data)
     with pytest.raises(InputError, match="belongs to another run"):
         other.result(path.stem)
+
+
+def test_a_tournament_that_ends_before_the_run_is_not_what_came_of_it(copied):
+    run = copied()
+    play(run, generations=(0, 1), games=10)
+    assert largest_tournament(run) is None
+    play(run, generations=(0, 2), games=1)
+    assert largest_tournament(run) is None
+    play(run, generations=(0, 2), games=10)
+    assert largest_tournament(run).generations == (0, 2)
 
 
 def test_chosen_generations_end_with_the_last():

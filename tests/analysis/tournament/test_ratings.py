@@ -15,7 +15,8 @@ def tournament(chances, games, random):
     n = len(chances)
     wins = np.stack([won, games - won], axis=-1)[None]
     totals = np.zeros((1, n, n, 2, 1), np.int64)
-    return Tournament((0, 1), (("a",), ("b",)), tuple(range(n)), games, "best", wins.astype(np.int64), totals)
+    foreign = np.zeros((1, n, n), np.int64)
+    return Tournament((0, 1), (("a",), ("b",)), tuple(range(n)), games, "best", wins.astype(np.int64), foreign, totals)
 
 
 def by_skill(first, second):
@@ -70,6 +71,7 @@ def test_a_drawn_game_counts_half_for_each():
 
 
 def test_a_team_alone_is_not_rated():
-    alone = Tournament((0,), (("a",),), (0, 1), 2, "best", np.zeros((1, 2, 2, 1), int), np.zeros((1, 2, 2, 1, 1), int))
+    parts = [np.zeros((1, 2, 2, *rest), int) for rest in ((1,), (), (1, 1))]
+    alone = Tournament((0,), (("a",),), (0, 1), 2, "best", *parts)
     with pytest.raises(InputError, match="nobody to be rated against"):
         rate(alone)

@@ -21,8 +21,8 @@ def test_without_luck_all_of_it_is_left(ladder):
     assert table["again"].tolist() == table["fitness"].tolist()
     assert table["spread"].tolist() == [0.0] * 4
     for one in left_over(table):
-        assert (one.share, one.low, one.high) == (1.0, 1.0, 1.0)
-        assert one.generations == 2
+        assert (one.share, one.low, one.high) == (1.0, None, None)  # two generations: no interval
+        assert (one.generations, one.text) == (2, "100%")
 
 
 def test_of_luck_alone_nothing_is_left(ladder):

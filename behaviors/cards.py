@@ -17,6 +17,8 @@ _TASKS = {
     "pass": "plays the ball to its team mate",
     "avoid": "keeps clear of the nearest robot",
     "search": "turns and moves until the ball is in view",
+    "defend": "keeps an attacker's ball out of its own goal",
+    "home": "drives back to its own goal",
 }
 
 

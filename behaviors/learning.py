@@ -23,7 +23,7 @@ from behaviors.tabular.table import make_table
 from behaviors.trials.kernels import Results
 from behaviors.trials.scene import Scene, Watched
 from behaviors.trials.solo import blank_skill, no_start, provisional_skill, solo_scene
-from behaviors.trials.task import COLLISION, SUCCESS
+from behaviors.trials.task import COLLISION, FAILURE, SUCCESS
 from coevo.errors import InputError
 from coevo.seeds import SkillStream, game_seeds
 from coevo.skill import ObjectModel, Skill, load_skill
@@ -186,7 +186,10 @@ class Learning:
             measured = _run(changed, now, recipe.learning.check_games, self._seed, SkillStream.CHECK)
             success = float((measured.outcomes == SUCCESS).mean())
             told[starts] = measured.success_rate
-            reward += 0.5 * (success * recipe.goal_reward + measured.collision_rate * recipe.collision_reward)
+            earned = success * recipe.goal_reward + measured.collision_rate * recipe.collision_reward
+            if recipe.task == "defend":
+                earned += float((measured.outcomes == FAILURE).mean()) * recipe.conceded_reward
+            reward += 0.5 * earned
         return reward, told
 
 
@@ -230,8 +233,9 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
 
 
 def succeeded(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell of (trials,) outcomes which are a success; of the task avoid, that no collision happened."""
-    success: NDArray[np.bool_] = outcomes != COLLISION if recipe.task == "avoid" else outcomes == SUCCESS
+    """Tell of (trials,) outcomes which are a success: of avoid, that no collision happened; of defend, no goal."""
+    spared = {"avoid": COLLISION, "defend": FAILURE}
+    success: NDArray[np.bool_] = outcomes != spared[recipe.task] if recipe.task in spared else outcomes == SUCCESS
     return success
 
 

@@ -50,9 +50,12 @@ _YOUNGER = (
     "description",
     "objects.estimator",
     "objects.lost_states",
+    "objects.needed",
+    "conceded_reward",
     "learning.update",
     "learning.discount_per",
     "learning.storage",
+    "learning.patience_steps",
     "world.rules",
 )
 _PRETRAINED = Path(__file__).parent / "pretrained"
@@ -70,6 +73,9 @@ class ModelSettings(Settings, frozen=True, kw_only=True):
     lost_states: Annotated[int, Meta(ge=1, le=2)] = (
         2  # of an object out of view: 2 tell on which side it was seen last; (3.9) has 1
     )
+    # Whether the skill is only for when this object is in view: it is learned in trials that end when it is lost, and
+    # stands while it is; see coevo.skill.Skill.domain.
+    needed: bool = False
     # Taken whole from this skill, an installed name or a path, instead of estimated: skills that share an object can be
     # coordinated only if they see it through the same model.
     model_of: str | UnsetType = UNSET
@@ -120,6 +126,8 @@ class LearningSettings(Settings, frozen=True, kw_only=True):
     epsilon_end: Share = 0.02
     easy_share: Share = 0.3  # of the trials, in which the missions grow from easy to full
     anywhere_share: Share = 0.0  # of the trials, which start anywhere though the recipe starts in view
+    # How long a trial goes on while an object that the skill needs is out of view; the learner stands meanwhile.
+    patience_steps: Annotated[int, Meta(ge=0, le=9000)] = 30
     storage: Literal["dense", "sparse"] = "dense"  # sparse: only states that were visited; see behaviors.tabular.table
     # The greedy policy is checked now and then, on starts of its own, and the table that did best is kept: late
     # updates in aliased cells can spoil a good table.
@@ -131,10 +139,15 @@ class LearningSettings(Settings, frozen=True, kw_only=True):
 class MoverSettings(Settings, frozen=True, kw_only=True):
     """What the other robot does."""
 
-    kind: Literal["none", "standing", "random", "chaser"] = "none"
+    kind: Literal["none", "standing", "random", "chaser", "skill"] = "none"
+    skill: str | UnsetType = UNSET  # with kind "skill": what it plays, an installed name or a path
     speed: Share = 1.0  # of the maximum
     share_of_chasers: Share = 0.0  # with kind "random": share of trials in which it chases instead
     chaser_speed: Share = 0.3
+
+    def __post_init__(self) -> None:
+        if (self.kind == "skill") != (self.skill is not UNSET):
+            raise ValueError('skill: expected with kind = "skill", and only there: what the other robot plays')
 
 
 class CoordinationSettings(Settings, frozen=True, kw_only=True):
@@ -157,7 +170,7 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
 
     kind: Literal["skill"] = "skill"
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]  # a part of the folder's name
-    task: Literal["shoot", "pass", "avoid", "search"]
+    task: Literal["shoot", "pass", "avoid", "search", "defend", "home"]
     description: Annotated[str, Meta(max_length=200)] = ""  # what it does, going on from its name; empty: by its task
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     trials: Annotated[int, Meta(ge=1, le=10_000_000)] = 25_000  # [T] a period
@@ -165,6 +178,7 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
     starts: Literal["in-view", "anywhere"] = "in-view"
     goal_reward: Annotated[float, Meta(ge=-1e6, le=1e6)] = 1.0  # [T]
     collision_reward: Annotated[float, Meta(ge=-1e6, le=1e6)] = -0.3  # [T]
+    conceded_reward: Annotated[float, Meta(ge=-1e6, le=1e6)] = -1.0  # of the task defend, for a goal against it
     objects: Annotated[tuple[ModelSettings, ...], Meta(min_length=1, max_length=4)]
     mover: MoverSettings = MoverSettings()
     experience: ExperienceSettings = ExperienceSettings()
@@ -182,7 +196,7 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
             raise ValueError(
                 f"experience.hold_min_steps must be at most hold_max_steps, got {self.experience.hold_min_steps}"
             )
-        if self.task in ("pass", "avoid") and self.mover.kind == "none":
+        if self.task in ("pass", "avoid", "defend") and self.mover.kind == "none":
             raise ValueError(f"the task {self.task!r} needs another robot: set mover.kind")
         if self.task != "pass" and any(model.kind == "mate" for model in self.objects) and self.mover.kind != "none":
             raise ValueError("objects: only the task 'pass' has a mate; look at 'robot' instead")

@@ -20,7 +20,14 @@ __all__ = ["pair_recording", "skill_recording"]
 
 _SIDES = ("succeeded", "failed")
 _IDLE = {STANDING: "stands", ROAMER: "drives at random", CHASER: "drives at r0"}
-_SUCCESSES = {"shoot": "goal", "pass": "the mate touches the ball", "search": "the ball is found"}
+_SUCCESSES = {
+    "shoot": "goal",
+    "pass": "the mate touches the ball",
+    "search": "the ball is found",
+    "defend": "goal on the other side",
+    "home": "it is at its goal",
+}
+_SPARED = {"avoid": "collision", "defend": "goal"}
 _ENDINGS = {
     FAILURE: "a goal that does not count, or out of the field",
     COLLISION: "collision",
@@ -41,8 +48,8 @@ def skill_recording(recipe: Recipe, skill: Skill, *, games: int, seed: int, star
         ending = _ENDINGS.get(one.ends, "time is up")
         if one.ends == SUCCESS:
             ending = _SUCCESSES[recipe.task]
-        elif one.ends == GOING and recipe.task == "avoid":
-            ending = "time is up, and no collision"
+        elif one.ends == GOING and recipe.task in _SPARED:
+            ending = f"time is up, and no {_SPARED[recipe.task]}"
         takes.append(_take(one, number, games, ending, success=success))
     robots = takes[0].trace.skills.shape[1]
     actors = tuple(Actor(f"r{number}", sees=number == 0) for number in range(robots))

@@ -337,6 +337,7 @@ class _Referee:
         self._touching: set[tuple[int, int]] = set()
         self._had_ball: set[int] = set()
         self._last, self._at = -1, 0
+        self._spot, self._spot_at = (math.inf, math.inf), 0
 
     def step(self, world: World, commands: Any, time: int) -> int:
         """Move the world on, count, and return the team that scored, or -1."""
@@ -368,7 +369,27 @@ class _Referee:
         scorer = 0 if x > settings.world.field.length_m else 1 if x < 0.0 else -1
         if self._last >= 0 and self._teams[self._last] == 1 - scorer:
             self.own_goals[self._last] += 1
+        if settings.world.rules.stuck_after_s > 0.0 and scorer < 0:
+            self._drop_if_stuck(world, time)
         return scorer
+
+    def _drop_if_stuck(self, world: World, time: int) -> None:
+        """Put a ball that does not move on at mid-width, clear of the robots."""
+        rules, physics = self._settings.world.rules, self._settings.world.physics
+        field, position = self._settings.world.field, world.ball.position
+        if math.dist(position, self._spot) > rules.stuck_within_m:
+            self._spot, self._spot_at = (position.x, position.y), time
+        elif (time - self._spot_at) * physics.step_s >= rules.stuck_after_s - 1e-9:
+            off = min(rules.stuck_off_goals_m, 0.5 * field.length_m)
+            x, middle = min(max(position.x, off), field.length_m - off), 0.5 * field.width_m
+            apart = self._settings.world.robot.radius_m + self._settings.world.ball.radius_m + 0.05
+            aside = range(1, int((middle - self._settings.world.ball.radius_m) / 0.1) + 1)
+            places = [middle, *(middle + side * 0.1 * k for k in aside for side in (1, -1))]
+            free = (y for y in places if all(math.dist(body.position, (x, y)) >= apart for body in world.robots))
+            self._spot, self._spot_at = (x, next(free, middle)), time
+            world.ball.position, world.ball.angle = self._spot, 0.0
+            world.ball.velocity, world.ball.angular_velocity = (0.0, 0.0), 0.0
+            self._last, self._had_ball = -1, set()
 
     def _gaps(self, world: World) -> dict[tuple[int, int], float]:
         bodies = [(body.position, self._settings.world.robot.radius_m) for body in world.robots]

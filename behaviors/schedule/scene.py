@@ -88,6 +88,7 @@ def pair_scene(
         chaser_speed=0.0,
         passer_nearer=starts.passer_nearer,
         every_pass=schedule.passes_rewarded == "each",
+        patience=0,
         gathering=False,
     )
     return make_scene(

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.trials.task import AVOID, PASS, SEARCH, TaskParams
+from behaviors.trials.task import AVOID, DEFEND, HOME, PASS, SEARCH, TaskParams
 from coevo.compiled import helper
 from coevo.soccer.physics import PhysicsParams
 
@@ -27,6 +27,7 @@ _ROUND_M = 0.35  # free space it keeps while it drives around the ball
 _NEAR_WALL_M = 0.6
 _FAR_ENOUGH_M = 1.5  # from the other robot
 _WELL_AIMED = 0.8  # part of the radii within which a ball must roll past the mate's centre
+_BETWEEN = 0.6  # part of the way from its goal to the ball at which it defends
 _FAR_ENOUGH = 1.2  # times the way to the mate that a ball must be able to roll
 
 
@@ -85,7 +86,8 @@ def informed_action(
 
     shoot, pass: it drives behind the ball as seen from the middle of the goal or from the mate, around the ball if it
     stands before it, and pushes; it backs away from a ball that will roll to the mate. avoid: it gets away from the
-    other robot and keeps off the walls. search: it turns to the ball.
+    other robot and keeps off the walls. search: it turns to the ball. defend: it drives between ball and own goal.
+    home: it drives to its own goal.
 
     Args:
         task, physics: numbers of the task and the world.
@@ -100,6 +102,10 @@ def informed_action(
     let_go = task.task == PASS and _rolls_to_mate(physics, state)
     if task.task < AVOID:
         to_x, to_y = _waypoint(physics, state, aim_x, aim_y)
+    elif task.task == DEFEND:
+        to_x, to_y = _BETWEEN * to_x, aim_y + _BETWEEN * (to_y - aim_y)
+    elif task.task == HOME:
+        to_x, to_y = 0.0, aim_y
     wanted = math.atan2(to_y - state[0, 1], to_x - state[0, 0])
     best, least = 0, math.inf
     for a in range(commands.shape[0]):

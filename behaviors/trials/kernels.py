@@ -18,7 +18,7 @@ from behaviors.trials.minds import Minds, decisions_of, learner_of, table_of
 from behaviors.trials.starts import start_one, start_two
 from behaviors.trials.task import AVOID, CHANNELS, FAILURE, PASS_AND_SHOOT, SUCCESS, Tally, TaskParams, judge
 from coevo.compiled import borrowed, entry, helper, inlined
-from coevo.skill.estimate import remember
+from coevo.skill.estimate import remember, sees_what_it_needs
 from coevo.soccer.camera import FEATURES
 from coevo.soccer.rng import below, uniform
 from coevo.stage.data import Stage
@@ -29,7 +29,7 @@ from coevo.stage.tape import Tape, is_taping, record_choice, record_state
 
 __all__ = ["Results", "Trial", "act", "begin_trial", "end_trial", "judge_trial", "run_trials", "take_in"]
 
-_CHASES, _ROAMS = 3, 2  # of MOVERS
+_CHASES, _ROAMS, _PLAYS = 3, 2, 4  # of MOVERS
 
 
 class Trial(NamedTuple):
@@ -115,6 +115,8 @@ def _cast_other(trial: Trial, rng: NDArray[np.uint64]) -> None:
             roles.role[1], roles.share[1] = CHASER, task.chaser_speed
         elif task.mover == _ROAMS:
             roles.role[1] = ROAMER
+        elif task.mover == _PLAYS:
+            roles.role[1] = SKILL
 
 
 @helper
@@ -130,7 +132,7 @@ def _begin(trial: Trial, number: int, total: int, rng: NDArray[np.uint64]) -> bo
         _cast_other(trial, rng)
     if is_taping(trial.tape):
         record_state(trial.tape, trial.stage, 0)
-    tally.trial[0], tally.passes[0] = number, 0
+    tally.trial[0], tally.passes[0], tally.lost_for[0] = number, 0, 0
     for robot in range(trial.stage.roles.role.shape[0]):
         learner = learner_of(minds, robot)
         minds.epsilon[robot] = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * trial.progress[0]
@@ -174,18 +176,18 @@ def _choose(trial: Trial, robot: int, time: int, rng: NDArray[np.uint64]) -> int
         action = known
         if minds.at_random[robot]:
             action = below(rng, stage.drive.codes.shape[0])
-        elif learning:
+        elif learning and sees_what_it_needs(stage.memory, bank, skill, robot):
             reused, old = minds.old[robot], -1
             if reused >= 0:
                 old = int(bank.policy[bank.first[reused] + state_of_skill(stage, robot, reused, time)])
             learner, table, decisions = learner_of(minds, robot), table_of(minds, robot), decisions_of(minds, robot)
             epsilon = minds.epsilon[robot]
             action = decide(learner, table, decisions, now, known, old, epsilon, trial.progress[0], rng)
-        elif minds.epsilon[robot] > 0.0 and uniform(rng) < minds.epsilon[robot]:
+        elif not learning and minds.epsilon[robot] > 0.0 and uniform(rng) < minds.epsilon[robot]:
             action = below(rng, stage.drive.codes.shape[0])
         start_action(stage, robot, skill, now, action)
     stage.doing.held[robot] += 1
-    if learning:
+    if learning and minds.decisions.made[robot] > 0:
         minds.decisions.lengths[robot, minds.decisions.made[robot] - 1] += 1
     return int(stage.doing.action[robot])
 

@@ -29,8 +29,9 @@ _worlds: dict[tuple[bytes, int], World] = {}
 class Part:
     """What one robot of a scene is.
 
-    role: see coevo.stage.roles. mind: what it decides with. skill: which of the bank. mate: number of its team mate, -1
-    for none. sees: whether it looks. guesses: whether it begins with a belief about where it saw each object last.
+    role: see coevo.stage.roles. mind: what it decides with. skill: which of the bank. team: 0 attacks the goal at
+    x = length, 1 the other. mate: number of its team mate, -1 for none. sees: whether it looks. guesses: whether it
+    begins with a belief about where it saw each object last.
     """
 
     role: int
@@ -39,6 +40,7 @@ class Part:
     mate: int = -1
     sees: bool = True
     guesses: bool = True
+    team: int = 0
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ def make_scene(
     Args:
         world: its settings.
         task: what the trials are about.
-        parts: one for each robot; all play for the team that attacks the goal at x = length.
+        parts: one for each robot.
         bank: skills that the robots see and act by.
         limits: of events.
         time_limit: of a trial [steps].
@@ -151,7 +153,7 @@ def make_scene(
         bank,
         limits,
         roles=[part.role for part in parts],
-        teams=[0] * robots,
+        teams=[part.team for part in parts],
         mates=[part.mate for part in parts],
         world=_worlds[key],
     )
@@ -161,7 +163,7 @@ def make_scene(
     stage.roles.skill[:] = [part.skill for part in parts]
     stage.roles.hold[:] = hold
     minds = [part.mind for part in parts]
-    one = [np.zeros(1, np.int64) for _ in range(3)]
+    one = [np.zeros(1, np.int64) for _ in range(4)]
     trial = Trial(
         stage,
         task,

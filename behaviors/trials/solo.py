@@ -6,15 +6,16 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from msgspec import UNSET
 
 from behaviors.recipe import ModelSettings, Recipe
 from behaviors.tabular.qlearning import Learner
 from behaviors.tabular.table import Table, make_table
 from behaviors.trials.minds import Mind, Store
 from behaviors.trials.scene import Part, Scene, make_scene
-from behaviors.trials.task import COLLIDED, MOVERS, SUCCEEDED, TASKS, TaskParams
+from behaviors.trials.task import COLLIDED, CONCEDED, MOVERS, SUCCEEDED, TASKS, TaskParams
 from coevo.errors import InputError
-from coevo.skill import ObjectModel, Skill, make_bank
+from coevo.skill import ObjectModel, Skill, load_skill, make_bank
 from coevo.skill.model import INPUTS, MOST_STATES, OBJECT_KINDS
 from coevo.soccer.drive import action_set
 from coevo.soccer.events import event_params
@@ -36,6 +37,7 @@ def task_params(recipe: Recipe, *, gathering: bool = False) -> TaskParams:
         chaser_speed=recipe.mover.chaser_speed,
         passer_nearer=0.0,
         every_pass=False,
+        patience=recipe.learning.patience_steps,
         gathering=gathering,
     )
 
@@ -65,15 +67,21 @@ def solo_scene(
         InputError: the skill was learned for another drive than the recipe's.
     """
     actions = len(action_set(recipe.world.robot).codes)
-    bank = make_bank([skill], drive=recipe.world.robot.drive, actions=actions)
-    rewards = {SUCCEEDED: recipe.goal_reward, COLLIDED: recipe.collision_reward}
+    played = [] if recipe.mover.skill is UNSET else [load_skill(recipe.mover.skill)]
+    bank = make_bank([skill, *played], drive=recipe.world.robot.drive, actions=actions)
+    rewards = {
+        SUCCEEDED: recipe.goal_reward,
+        COLLIDED: recipe.collision_reward,
+        CONCEDED: recipe.conceded_reward,
+    }
     table = make_table(1, actions) if table is None else table
     mind = Mind(learner, table, store=store, at_random=at_random, rewards=rewards)
     mate = 1 if recipe.task == "pass" else -1
     parts = [Part(role, mind, mate=mate, guesses=role != RANDOM)]
     if recipe.mover.kind != "none":
         other = Mind(_NOT_LEARNING, make_table(1, table.values.shape[1]))  # tables of a scene are of one width
-        parts.append(Part(STANDING, other, mate=0 if mate > 0 else -1, sees=False, guesses=False))
+        team, sees = int(recipe.task == "defend"), bool(played)
+        parts.append(Part(STANDING, other, len(played), mate=0 if mate > 0 else -1, sees=sees, guesses=sees, team=team))
     hold = recipe.experience.hold_min_steps, recipe.experience.hold_max_steps
     task = task_params(recipe, gathering=role == RANDOM)
     limits = event_params(recipe.world)
@@ -96,7 +104,8 @@ def blank_skill(recipe: Recipe, models: tuple[ObjectModel, ...]) -> Skill:
         )
     values = np.zeros((states, len(action_set(recipe.world.robot).codes)), np.float32)
     drive, action = recipe.world.robot.drive, recipe.action
-    return Skill(recipe.name, drive, models, values, action.min_steps, action.max_steps)
+    domain = tuple(one.kind for one in recipe.objects if one.needed)
+    return Skill(recipe.name, drive, models, values, action.min_steps, action.max_steps, domain=domain)
 
 
 def blind_models(objects: Sequence[ModelSettings]) -> tuple[ObjectModel, ...]:

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.trials.task import AVOID, PASS, PASSER, SEARCH, SHOOT, SHOOTER, TaskParams
+from behaviors.trials.task import AVOID, DEFEND, HOME, PASS, PASSER, SEARCH, SHOOT, SHOOTER, TaskParams
 from coevo.compiled import helper, inlined
-from coevo.soccer.camera import BALL, OPPONENT_GOAL, ROBOTS, look
+from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS, look
 from coevo.soccer.physics import PhysicsParams
 from coevo.soccer.placement import place
 from coevo.soccer.rng import uniform
@@ -21,6 +21,9 @@ _TRIES = 20_000
 _TRIES_OF_TWO = 10_000_000  # for the easy starts of the shooter 100,000 were too few in one set of ten
 _APART_M = 0.05  # from walls and from each other
 _AVOID_LEAST_M, _AVOID_MOST_M = 0.7, 2.0  # between the two robots of the task avoid
+# Of the task defend: how far at most the ball and the defender start from the defender's goal, and the attacker from
+# the ball; it starts beyond the ball, which it faces give or take so much.
+_BALL_REACH_M, _DEFENDER_REACH_M, _ATTACKER_REACH_M, _ATTACKER_SPREAD = 5.0, 4.0, 1.2, 0.7
 
 
 @helper
@@ -70,11 +73,25 @@ def _sees(stage: Stage, robot: int) -> None:
 
 
 @helper
+def _draw_attack(physics: PhysicsParams, state: NDArray[np.float64], rng: NDArray[np.uint64]) -> bool:
+    """Draw ball, attacker and defender of the task defend; False if the draw missed its places."""
+    ball, middle = state.shape[0] - 1, 0.5 * physics.width
+    free = _draw(physics, physics.ball_radius, 0.0, middle, _BALL_REACH_M, state, ball, rng)
+    free = free and _draw(physics, physics.robot_radius, 0.0, middle, _DEFENDER_REACH_M, state, 0, rng)
+    x, y = state[ball, 0], state[ball, 1]
+    free = free and _draw(physics, physics.robot_radius, x, y, _ATTACKER_REACH_M, state, 1, rng)
+    towards = math.atan2(y - state[1, 1], x - state[1, 0])
+    state[1, 2] = towards + _ATTACKER_SPREAD * (2.0 * uniform(rng) - 1.0)
+    return free and state[1, 0] > x
+
+
+@helper
 def start_one(task: TaskParams, stage: Stage, ease: float, in_view: bool, rng: NDArray[np.uint64]) -> bool:
     """Draw the start of a trial of one learner into the stage's state; False if none was found.
 
     Bodies lie anywhere on the field without touching. With starts ``in_view``, what the task is about is visible to
-    the learner (for search: the ball is not). ``ease``: 1 starts near, 0 anywhere: limits how far the learner is
+    the learner (for search: the ball is not; for home:
+    the own goal). ``ease``: 1 starts near, 0 anywhere: limits how far the learner is
     from the ball and the ball from where it should go.
     """
     physics, state, areas = stage.physics, stage.body.state, stage.memory.areas
@@ -84,11 +101,17 @@ def start_one(task: TaskParams, stage: Stage, ease: float, in_view: bool, rng: N
     to_ball, to_aim = _easy_reach(physics, ease)
     for _ in range(_TRIES):
         state.fill(0.0)
+        if task.task == DEFEND:
+            if _draw_attack(physics, state, rng) and _free(physics, state):
+                _sees(stage, 0)
+                if not in_view or areas[0, BALL] > 0.0:
+                    return True
+            continue
         if task.task == SHOOT:
             free = _draw(physics, physics.ball_radius, physics.length, 0.5 * physics.width, to_aim, state, ball, rng)
         else:
             free = _draw(physics, physics.ball_radius, 0.0, 0.0, anywhere, state, ball, rng)
-        near = anywhere if task.task == AVOID else to_ball
+        near = anywhere if task.task in (AVOID, HOME) else to_ball
         free = free and _draw(physics, physics.robot_radius, state[ball, 0], state[ball, 1], near, state, 0, rng)
         if bodies > 2:
             near = to_aim if task.task == PASS else anywhere
@@ -109,6 +132,8 @@ def start_one(task: TaskParams, stage: Stage, ease: float, in_view: bool, rng: N
             found = sees_ball and areas[0, OPPONENT_GOAL] > 0.0
         elif task.task == PASS:
             found = sees_ball and areas[0, ROBOTS] > 0.0
+        elif task.task == HOME:
+            found = areas[0, OWN_GOAL] > 0.0
         else:
             found = areas[0, ROBOTS] > 0.0
         if found:

@@ -1,29 +1,36 @@
 """The tasks that robots learn: how a trial stands, and the rewards of each robot; compiled.
 
-In a task of one the learner is robot 0, and for pass and avoid robot 1 follows a script: it is a part of the
-environment. In the task of two robot 0 is the passer and robot 1 the shooter; both attack the goal at x = length.
+In a task of one the learner is robot 0. For pass and avoid robot 1 follows a script, and for defend it attacks with a
+skill: it is a part of the environment. In the task of two robot 0 is the passer and robot 1 the shooter; both attack
+the goal at x = length.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from coevo.compiled import inlined
+from coevo.skill.estimate import sees_what_it_needs
 from coevo.soccer.camera import BALL
 from coevo.soccer.events import goal_scored, in_contact, out_of_field
 from coevo.stage import GOING
 from coevo.stage.data import Stage
+from coevo.stage.roles import LEARNER
 
 __all__ = [
     "AVOID",
     "CHANNELS",
     "COLLIDED",
     "COLLISION",
+    "CONCEDED",
+    "DEFEND",
     "FAILURE",
     "GOING",
+    "HOME",
     "MOVERS",
     "PASS",
     "PASSED",
@@ -41,15 +48,16 @@ __all__ = [
     "judge",
 ]
 
-SHOOT, PASS, AVOID, SEARCH, PASS_AND_SHOOT = range(5)
-TASKS = ("shoot", "pass", "avoid", "search", "pass and shoot")
-MOVERS = ("none", "standing", "random", "chaser")
+SHOOT, PASS, AVOID, SEARCH, PASS_AND_SHOOT, DEFEND, HOME = range(7)
+TASKS = ("shoot", "pass", "avoid", "search", "pass and shoot", "defend", "home")
+MOVERS = ("none", "standing", "random", "chaser", "skill")
 PASSER, SHOOTER = 0, 1
 # How a trial stands. A stray goal: one that the shooter of the task of two did not touch last.
 SUCCESS, FAILURE, COLLISION, STRAY_GOAL = range(GOING + 1, GOING + 5)
 # What a robot may be rewarded for in a step, in the order in which rewards are added.
-PASSED, SUCCEEDED, COLLIDED = range(3)
-CHANNELS = 3
+PASSED, SUCCEEDED, COLLIDED, CONCEDED = range(4)
+CHANNELS = 4
+_HOME_M = 1.0  # from the middle of its goal, a robot is at home
 
 
 class TaskParams(NamedTuple):
@@ -59,6 +67,7 @@ class TaskParams(NamedTuple):
     mover, mover_speed, chaser_share, chaser_speed: what the other robot does, see MoverSettings.
     passer_nearer: share of trials of two in which the passer starts nearer to the ball.
     every_pass: reward each pass of a trial, not only the first.
+    patience: for how many steps a learner may not see what its skill needs before the trial ends.
     gathering: only experience is wanted: a trial ends with the ball, or when the store is full.
     """
 
@@ -70,6 +79,7 @@ class TaskParams(NamedTuple):
     chaser_speed: float
     passer_nearer: float
     every_pass: bool
+    patience: int
     gathering: bool
 
 
@@ -79,12 +89,14 @@ class Tally(NamedTuple):
     rewards: (robots, CHANNELS) float64, what each robot did in the last step.
     passes: (1,) int64, so far.
     nearer: (1,) int64, the robot that started nearer to the ball. trial: (1,) int64, number of the trial.
+    lost_for: (1,) int64, for how many steps a learner has not seen what its skill needs.
     """
 
     rewards: NDArray[np.float64]
     passes: NDArray[np.int64]
     nearer: NDArray[np.int64]
     trial: NDArray[np.int64]
+    lost_for: NDArray[np.int64]
 
 
 @inlined
@@ -100,6 +112,16 @@ def judge(task: TaskParams, stage: Stage, tally: Tally) -> int:
 
 
 @inlined
+def _judge_sight(task: TaskParams, stage: Stage, tally: Tally) -> int:
+    """End the trial of a learner that has not seen for long what its skill is for: nothing is to be learned there."""
+    if stage.roles.role[0] != LEARNER or sees_what_it_needs(stage.memory, stage.bank, stage.roles.skill[0], 0):
+        tally.lost_for[0] = 0
+        return GOING
+    tally.lost_for[0] += 1
+    return FAILURE if tally.lost_for[0] > task.patience else GOING
+
+
+@inlined
 def _judge_one(task: TaskParams, stage: Stage, tally: Tally) -> int:
     body = stage.body
     tally.passes[0] = stage.events.passes[0]
@@ -110,15 +132,23 @@ def _judge_one(task: TaskParams, stage: Stage, tally: Tally) -> int:
     if task.task == PASS and tally.passes[0] > 0:
         tally.rewards[0, SUCCEEDED] = 1.0
         return SUCCESS
+    if task.task == DEFEND:
+        if scored == 1:
+            tally.rewards[0, CONCEDED] = 1.0
+            return FAILURE
+        return SUCCESS if scored == 0 else _judge_sight(task, stage, tally)
     if body.ball_gap.shape[0] > 1 and in_contact(stage.limits, body.robot_gap[0, 1]):
         tally.rewards[0, COLLIDED] = 1.0
         return COLLISION
     if task.task == SEARCH and stage.memory.areas[0, BALL] > 0.0:
         tally.rewards[0, SUCCEEDED] = 1.0
         return SUCCESS
+    if task.task == HOME and math.hypot(body.state[0, 0], body.state[0, 1] - 0.5 * stage.physics.width) < _HOME_M:
+        tally.rewards[0, SUCCEEDED] = 1.0
+        return SUCCESS
     if task.task < AVOID and (scored >= 0 or out_of_field(stage.physics, body.state, 0)):
         return FAILURE
-    return GOING
+    return _judge_sight(task, stage, tally)
 
 
 @inlined

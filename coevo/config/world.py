@@ -106,10 +106,15 @@ class PhysicsSettings(Settings, frozen=True, kw_only=True):
 
 
 class RuleSettings(Settings, frozen=True, kw_only=True):
-    """What counts as a pass and as a collision; a contact is ``physics.contact_gap_m``."""
+    """What counts as a pass and as a collision, and when a ball is stuck; a contact is ``physics.contact_gap_m``."""
 
     pass_window_s: NonNegative = 3.0  # [C] "in a short time", from the last touch of the one to the first of the other
     collision_release_m: NonNegative = 0.02  # [C] robots must part by this before a new collision counts
+    # A ball that has stayed within a small circle for so long is stuck, and goes to the middle of the field's width, as
+    # a referee of the league drops it there. 0: it stays where it is. See coevo.soccer.referee.
+    stuck_after_s: NonNegative = 0.0
+    stuck_within_m: NonNegative = 0.3  # [C] of where it was when the time began
+    stuck_off_goals_m: NonNegative = 1.5  # [C] and it is dropped no nearer than this to a goal line
 
 
 class WorldSettings(Settings, frozen=True, kw_only=True):

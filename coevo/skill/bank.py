@@ -28,6 +28,7 @@ class SkillBank(NamedTuple):
     memory: (skills, M, order, past) float64 memory matrices, padded with zeros.
     offset: (skills, M, order) float64, memory matrix times past mean.
     cells: (skills, M) float64.
+    needed: (skills, M) bool, whether the skill only knows what to do while the object is in view.
     policy: (all states,) int8, the tables' best actions one after the other.
     first: (skills,) where each skill's part of policy begins.
     min_steps, max_steps: (skills,).
@@ -45,6 +46,7 @@ class SkillBank(NamedTuple):
     memory: NDArray[np.float64]
     offset: NDArray[np.float64]
     cells: NDArray[np.float64]
+    needed: NDArray[np.bool_]
     policy: NDArray[np.int8]
     first: NDArray[np.int64]
     min_steps: NDArray[np.int64]
@@ -70,7 +72,7 @@ def make_bank(skills: Sequence[Skill], *, drive: str, actions: int) -> SkillBank
     past = max(model.memory_matrix.shape[1] for skill in skills for model in skill.objects)
     table = np.zeros((6, count, most), np.int64)
     memory, offset = np.zeros((count, most, order, past)), np.zeros((count, most, order))
-    cells = np.zeros((count, most))
+    cells, needed = np.zeros((count, most)), np.zeros((count, most), np.bool_)
     for s, skill in enumerate(skills):
         for i, model in enumerate(skill.objects):
             features = OBJECT_KINDS[model.kind]
@@ -84,7 +86,7 @@ def make_bank(skills: Sequence[Skill], *, drive: str, actions: int) -> SkillBank
             )
             memory[s, i, : model.order, : model.history_length * (INPUTS + features)] = model.memory_matrix
             offset[s, i, : model.order] = model.memory_matrix @ model.past_mean
-            cells[s, i] = model.cell
+            cells[s, i], needed[s, i] = model.cell, model.kind in skill.domain
     sizes = [skill.values.shape[0] for skill in skills]
     return SkillBank(
         models=np.array([len(skill.objects) for skill in skills], np.int64),
@@ -97,6 +99,7 @@ def make_bank(skills: Sequence[Skill], *, drive: str, actions: int) -> SkillBank
         memory=memory,
         offset=offset,
         cells=cells,
+        needed=needed,
         policy=np.concatenate([skill.policy for skill in skills]),
         first=np.cumsum([0, *sizes[:-1]]).astype(np.int64),
         min_steps=np.array([skill.min_steps for skill in skills], np.int64),

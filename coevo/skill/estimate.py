@@ -11,7 +11,7 @@ from coevo.compiled import helper, inlined
 from coevo.skill.bank import MATE, NEAREST, SkillBank
 from coevo.soccer.camera import FEATURES, ROBOT_FEATURES, ROBOTS
 
-__all__ = ["Memory", "discrete_state", "forget", "make_memory", "remember"]
+__all__ = ["Memory", "discrete_state", "forget", "make_memory", "remember", "sees_what_it_needs"]
 
 
 class Memory(NamedTuple):
@@ -121,16 +121,34 @@ def remember(
 
 
 @inlined
+def thing_of(memory: Memory, bank: SkillBank, skill: int, model: int, robot: int) -> int:
+    """Return which object of a robot's memory a model of a skill looks at, -1 for a mate that it does not have."""
+    thing = int(bank.objects[skill, model])
+    if thing == MATE:
+        thing = int(memory.mate[robot])
+    elif thing == NEAREST:
+        thing = memory.areas.shape[1] - 1
+    return thing
+
+
+@helper
+def sees_what_it_needs(memory: Memory, bank: SkillBank, skill: int, robot: int) -> bool:
+    """Tell whether all objects of a skill's domain are in view."""
+    for i in range(bank.models[skill]):
+        if bank.needed[skill, i]:
+            thing = thing_of(memory, bank, skill, i, robot)
+            if thing < 0 or memory.areas[robot, thing] <= 0.0:
+                return False
+    return True
+
+
+@inlined
 def discrete_state(memory: Memory, bank: SkillBank, skill: int, robot: int, time: int) -> int:
     """Return the state of a skill: the cells (3.9) of x = M (p - mean) of each of its objects."""
     state = 0
     newest = time % bank.history
     for i in range(bank.models[skill]):
-        thing = bank.objects[skill, i]
-        if thing == MATE:
-            thing = memory.mate[robot]
-        elif thing == NEAREST:
-            thing = memory.areas.shape[1] - 1
+        thing = thing_of(memory, bank, skill, i, robot)
         states = bank.states[skill, i]
         if thing < 0 or memory.areas[robot, thing] <= 0.0:
             lost = bank.lost[skill, i]

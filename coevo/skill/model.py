@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from coevo.config import RobotSettings
 from coevo.errors import InputError, nearest_name
 from coevo.files import DamagedFileError, pack_arrays, read_arrays, write_whole
+from coevo.soccer.drive import action_set
 
 __all__ = [
     "MOST_STATES",
@@ -91,6 +93,8 @@ class Skill:
         min_steps, max_steps: how long an action lasts; in between it ends when the state changes (3.3.1).
         about: how it was learned (recipe, seed, trials), plain data.
         sparse: the file holds only the rows that are not all zeros, as most are where few states were visited.
+        domain: kinds of the objects without which it has nothing to go by: while one of them is out of view the robot
+            stands, and it is for the tree to choose something else. Empty: it knows what to do in every state.
     """
 
     name: str
@@ -101,6 +105,7 @@ class Skill:
     max_steps: int
     about: Mapping[str, Any] = field(default_factory=dict)
     sparse: bool = False
+    domain: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         states = math.prod(model.states for model in self.objects)
@@ -121,6 +126,9 @@ class Skill:
                 raise ValueError(
                     f"the memory matrix of {model.kind} must have {past} columns, got {model.memory_matrix.shape}"
                 )
+        unseen = set(self.domain) - {model.kind for model in self.objects}
+        if unseen:
+            raise ValueError(f"domain must name objects of the skill, got {', '.join(sorted(unseen))}")
         if not 1 <= self.min_steps <= self.max_steps:
             raise ValueError(f"expected 1 <= min_steps <= max_steps, got {self.min_steps} and {self.max_steps}")
 
@@ -131,9 +139,20 @@ class Skill:
 
     @property
     def policy(self) -> NDArray[np.int8]:
-        """(states,) the best action of each state; of equals the first."""
+        """(states,) the best action of each state, of equals the first; outside the domain the one that stands."""
         best: NDArray[np.int8] = np.argmax(self.values, axis=1).astype(np.int8)
+        if self.domain:
+            best[self._outside()] = action_set(RobotSettings(drive="pws" if self.drive == "pws" else "4ws")).standing
         return best
+
+    def _outside(self) -> NDArray[np.bool_]:
+        """(states,) whether an object of the domain is out of view."""
+        outside = np.zeros(1, np.bool_)
+        for model in self.objects:
+            lost = np.zeros(model.states, np.bool_)
+            lost[model.states - model.lost_states :] = model.kind in self.domain
+            outside = np.logical_or.outer(outside, lost).ravel()
+        return outside
 
     @property
     def digest(self) -> str:
@@ -147,6 +166,8 @@ class Skill:
                 digest.update(f" {model.lost_states} lost".encode())
             digest.update(np.ascontiguousarray(model.memory_matrix).tobytes())
             digest.update(np.ascontiguousarray(model.past_mean).tobytes())
+        if self.domain:
+            digest.update(f"domain {' '.join(self.domain)}".encode())
         return digest.hexdigest()
 
     def save(self, path: Path) -> None:
@@ -166,6 +187,8 @@ class Skill:
             "about": dict(self.about),
             "digest": self.digest,
         }
+        if self.domain:
+            header["domain"] = list(self.domain)
         arrays: dict[str, NDArray[Any]] = {
             "header": np.frombuffer(json.dumps(header, sort_keys=True).encode(), np.uint8),
         }
@@ -269,6 +292,7 @@ def load_skill(source: str | Path) -> Skill:
             int(header["max_steps"]),
             dict(header["about"]),
             sparse="rows" in arrays,
+            domain=tuple(str(kind) for kind in header.get("domain", ())),
         )
     except InputError:
         raise

@@ -23,6 +23,11 @@ class ActionSet(NamedTuple):
     codes: NDArray[np.float64]
     commands: NDArray[np.float64]
 
+    @property
+    def standing(self) -> int:
+        """Number of the action that neither drives nor turns."""
+        return int(np.flatnonzero(~self.codes.any(axis=1))[0])
+
 
 def action_set(robot: RobotSettings) -> ActionSet:
     """Return the actions of the robot's drive.

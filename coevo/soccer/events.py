@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,13 +25,18 @@ __all__ = [
     "record_goal",
 ]
 
+_ROUNDING = 1e-9  # a time of whole steps is so many steps, though 1/30 s is no exact number
+
 
 class EventParams(NamedTuple):
-    """Distances [m] and times [steps] that decide what counts."""
+    """Distances [m] and times [steps] that decide what counts; ``stuck_after`` 0: a ball is never stuck."""
 
     contact_gap: float
     release_gap: float
     pass_window: int
+    stuck_after: int
+    stuck_within: float
+    stuck_off_goals: float
 
 
 class Events(NamedTuple):
@@ -40,6 +46,7 @@ class Events(NamedTuple):
     touching: (robots, robots) bool, pairs of robots that have collided and not parted since; on the diagonal, whether
         the robot touched the ball in the last step.
     last_touch: (1,) int64, who touched the ball last, -1 for nobody; touched_at: (1,) int64, when.
+    spot: (2,) float64, where the ball was [m] when it was last seen to move on; spot_at: (1,) int64, when.
     """
 
     kicks: NDArray[np.int64]
@@ -49,6 +56,8 @@ class Events(NamedTuple):
     touching: NDArray[np.bool_]
     last_touch: NDArray[np.int64]
     touched_at: NDArray[np.int64]
+    spot: NDArray[np.float64]
+    spot_at: NDArray[np.int64]
 
 
 def event_params(world: WorldSettings) -> EventParams:
@@ -57,6 +66,9 @@ def event_params(world: WorldSettings) -> EventParams:
         contact_gap=world.physics.contact_gap_m,
         release_gap=world.rules.collision_release_m,
         pass_window=round(world.rules.pass_window_s / world.physics.step_s),
+        stuck_after=math.ceil(world.rules.stuck_after_s / world.physics.step_s - _ROUNDING),
+        stuck_within=world.rules.stuck_within_m,
+        stuck_off_goals=world.rules.stuck_off_goals_m,
     )
 
 
@@ -70,6 +82,8 @@ def make_events(robots: int) -> Events:
         touching=np.zeros((robots, robots), np.bool_),
         last_touch=np.full(1, -1, np.int64),
         touched_at=np.zeros(1, np.int64),
+        spot=np.full(2, np.inf),
+        spot_at=np.zeros(1, np.int64),
     )
 
 
@@ -83,6 +97,8 @@ def clear_events(events: Events) -> None:
     events.touching.fill(False)
     events.last_touch[0] = -1
     events.touched_at[0] = 0
+    events.spot.fill(math.inf)
+    events.spot_at[0] = 0
 
 
 @inlined

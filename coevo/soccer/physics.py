@@ -20,7 +20,7 @@ from coevo.compiled import entry, helper, inlined
 from coevo.config import WorldSettings
 from coevo.soccer import chipmunk
 
-__all__ = ["Handles", "PhysicsParams", "advance", "physics_params", "replay", "reset"]
+__all__ = ["Handles", "PhysicsParams", "advance", "physics_params", "put_ball", "replay", "reset"]
 
 # Positions in Handles.pointers; bodies follow, then shapes.
 SPACE, READ, WRITE, DRIVE, SHAPE_COUNTER, BODIES = 0, 1, 2, 3, 4, 5
@@ -89,6 +89,16 @@ def _write_state(handles: Handles, state: NDArray[np.float64]) -> None:
     handles.full_count[0] = 0
     for i in range(bodies):
         chipmunk.set_body(handles.pointers[BODIES + i], handles.pointers[WRITE])
+
+
+@helper
+def put_ball(handles: Handles, state: NDArray[np.float64]) -> None:
+    """Put the ball where its row of ``state`` says, in the middle of a game."""
+    ball = state.shape[0] - 1
+    for k in range(6):
+        handles.full[k] = state[ball, k]
+    handles.full_count[0] = 0
+    chipmunk.set_body(handles.pointers[BODIES + ball], handles.pointers[WRITE])
 
 
 @helper

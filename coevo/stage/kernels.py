@@ -11,6 +11,7 @@ from coevo.soccer.camera import look
 from coevo.soccer.events import clear_events, goal_scored, record_contacts, record_goal
 from coevo.soccer.noise import blur_sight, shake_drive
 from coevo.soccer.physics import advance, reset
+from coevo.soccer.referee import free_ball
 from coevo.soccer.rng import below
 from coevo.stage.data import Stage
 
@@ -109,4 +110,6 @@ def step(stage: Stage, time: int) -> int:
     record_contacts(stage.limits, stage.roles.team, time, body.ball_gap, body.robot_gap, stage.events)
     scored = goal_scored(stage.physics, body.state)
     record_goal(stage.roles.team, scored, stage.events)
+    if stage.limits.stuck_after > 0 and scored < 0:
+        free_ball(stage.limits, stage.physics, stage.handles, body.state, time, stage.events)
     return scored

@@ -73,7 +73,7 @@ lock: ## remake requirements.lock from pyproject.toml: make lock ARGS=--upgrade
 	@echo 'Remaking requirements.lock from pyproject.toml ...'
 	@test -x .venv-lock/bin/uv || $(PYTHON) -m venv .venv-lock
 	@test -x .venv-lock/bin/uv || .venv-lock/bin/python -m pip install -qq --disable-pip-version-check uv
-	@.venv-lock/bin/uv pip compile --quiet pyproject.toml --extra report --group dev \
+	@.venv-lock/bin/uv pip compile --quiet pyproject.toml --extra cluster --extra report --group dev \
 		--universal --python-version 3.11 --fork-strategy fewest --only-binary :all: --generate-hashes \
 		--no-config --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' \
 		--output-file requirements.lock $(ARGS)
@@ -92,7 +92,7 @@ $(LOCKED): requirements.lock
 	@echo "Making the environment .venv ($$($(PYTHON) --version)) ..."
 	@$(PYTHON) -m venv --clear .venv
 	@echo 'Installing the locked packages: a minute or two, only this once ...'
-	@$(PIP) --require-hashes -r requirements.lock
+	@$(PIP) --require-hashes --no-deps -r requirements.lock
 	@touch $@
 
 $(READY): pyproject.toml $(LOCKED)

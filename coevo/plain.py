@@ -156,7 +156,8 @@ class PlainGame:
                     continue
                 self._act(player, states[-1], now)
                 skill_steps[player.number, self._terminals.index(player.skill)] += 1
-                commands[player.number] = self._actions.commands[player.action]
+                strength = settings.players[player.number].strength
+                commands[player.number] = self._actions.commands[player.action] * strength
             skills.append([-1 if p is None else self._terminals.index(p.skill) for p in players])
             actions.append([-1 if p is None else p.action for p in players])
             thinking = [player if thoughts else None for player in players]

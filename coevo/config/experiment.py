@@ -39,6 +39,7 @@ class PlayerSettings(Settings, frozen=True, kw_only=True):
 
     team: Annotated[int, Meta(ge=0, le=1)] = 0  # team 0 attacks the goal at x = length, team 1 the one at x = 0
     control: Literal["evolve", "stationary"] = "evolve"
+    strength: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0  # share of the speed and turn rate that its drive does
     start: StartSettings
 
 

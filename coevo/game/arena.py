@@ -77,6 +77,7 @@ class Arena:
             mates=_mates(players),
         )
         self._venue.stage.roles.sees[:] = evolves
+        self._venue.stage.roles.share[:] = [player.strength for player in players]
         self._regions = regions([player.start for player in players], settings.game.ball_start)
         self._conditions = condition_table(len(players), settings.categories, settings.conditions)
 

@@ -58,7 +58,8 @@ class Roles(NamedTuple):
     sees: (R,) bool, whether it looks and remembers.
     guesses: (R,) bool, whether it begins with a random belief about where it saw each object last.
     skill: (R,) int64, which skill of the bank one that has a single one uses.
-    target: (R,) int64, the body that a chaser drives at. share: (R,) float64, of the maximum speed and turn rate.
+    target: (R,) int64, the body that a chaser drives at. share: (R,) float64, of the speeds and turn rates that the
+        drives can do, what each robot's does.
     hold: (2,) int64, least and most steps for which a random action is held.
     left: (R, 2) int64, of a random robot the action and for how many steps more.
     top: (2,) float64, maximum speed [m/s] and turn rate [rad/s].

@@ -96,8 +96,9 @@ def drive(stage: Stage, robot: int, action: int, rng: NDArray[np.uint64]) -> Non
     """Give a robot's drive the command of an action, with the noise of the actuators."""
     body = stage.body
     body.codes[robot, 0], body.codes[robot, 1] = stage.drive.codes[action, 0], stage.drive.codes[action, 1]
-    body.commands[robot, 0] = stage.drive.commands[action, 0]
-    body.commands[robot, 1] = stage.drive.commands[action, 1]
+    share = stage.roles.share[robot]
+    body.commands[robot, 0] = stage.drive.commands[action, 0] * share
+    body.commands[robot, 1] = stage.drive.commands[action, 1] * share
     if stage.physics.actuator_noise > 0.0:
         shake_drive(stage.physics, body.commands, robot, rng)
 

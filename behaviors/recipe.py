@@ -56,7 +56,10 @@ _YOUNGER = (
     "learning.discount_per",
     "learning.storage",
     "learning.patience_steps",
-    "world.rules",
+    "world.rules.stuck_after_s",
+    "world.rules.stuck_within_m",
+    "world.rules.stuck_off_goals_m",
+    "world.rules",  # after its parts
 )
 _PRETRAINED = Path(__file__).parent / "pretrained"
 

@@ -198,10 +198,12 @@ def to_toml(settings: Struct) -> str:
     TOML has no word for None: such a setting is left out, and None is what it is then.
 
     Example:
-        >>> from coevo.config import RuleSettings, to_toml
-        >>> print(to_toml(RuleSettings(pass_window_s=2.0)), end="")
-        pass_window_s = 2.0
-        collision_release_m = 0.02
+        >>> from coevo.config import ConditionSettings, to_toml
+        >>> print(to_toml(ConditionSettings(objects=("ball",), expression="area >= 40")), end="")
+        objects = [
+            "ball",
+        ]
+        expression = "area >= 40"
     """
     return tomli_w.dumps(_without_none(msgspec.to_builtins(settings)))
 

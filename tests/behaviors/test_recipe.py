@@ -125,8 +125,18 @@ def test_an_object_that_no_trial_has_is_refused(task, kind):
 
 
 LATER = {
-    "objects": [{"kind": "ball", "estimator": "raw"}, {"kind": "opponent_goal", "lost_states": 1}],
-    "learning": {"update": "one-step", "discount_per": "action", "storage": "sparse", "alpha_visits": 0.0},
+    "objects": [
+        {"kind": "ball", "estimator": "raw"},
+        {"kind": "opponent_goal", "lost_states": 1},
+        {"kind": "own_goal", "needed": True},
+    ],
+    "learning": {
+        "update": "one-step",
+        "discount_per": "action",
+        "storage": "sparse",
+        "alpha_visits": 0.0,
+        "patience_steps": 10,
+    },
 }
 
 
@@ -142,7 +152,7 @@ def test_a_skill_file_tells_younger_settings_only_where_they_are_not_the_default
         (plain["learning"], every["learning"], parts.get("learning", {})),
         *zip(plain["objects"], every["objects"], parts.get("objects", PLAIN["objects"]), strict=True),
     ]:
-        younger = {"estimator", "lost_states", "update", "discount_per", "storage"}
+        younger = {"estimator", "lost_states", "needed", "update", "discount_per", "storage", "patience_steps"}
         assert set(known) - set(told) == (set(known) & younger) - set(given)
     assert recipe_digest(recipe) != recipe_digest(msgspec.structs.replace(recipe, trials=24_999))
 
@@ -155,10 +165,14 @@ def test_a_description_is_told_where_there_is_one():
 
 
 def test_other_rules_of_play_are_told_and_in_the_digest():
-    rules = {"pass_window_s": 2.0}
-    recipe = check(Recipe, {**PLAIN, "world": {"rules": rules}}, "mine.toml")
-    assert plain_recipe(recipe)["world"]["rules"] == {"pass_window_s": 2.0, "collision_release_m": 0.02}
-    assert check(Recipe, plain_recipe(recipe), "told") == recipe
+    told = {"pass_window_s": 2.0, "collision_release_m": 0.02}  # as before there was a rule for a stuck ball
+    for rules, expected in (
+        ({"pass_window_s": 2.0}, told),
+        ({"pass_window_s": 2.0, "stuck_after_s": 3.0}, {**told, "stuck_after_s": 3.0}),
+    ):
+        recipe = check(Recipe, {**PLAIN, "world": {"rules": rules}}, "mine.toml")
+        assert plain_recipe(recipe)["world"]["rules"] == expected
+        assert check(Recipe, plain_recipe(recipe), "told") == recipe
     assert recipe_digest(recipe) != recipe_digest(check(Recipe, PLAIN, "mine.toml"))
 
 
@@ -178,7 +192,12 @@ def test_every_younger_setting_is_in_the_digest():
     found |= {
         recipe_digest(check(Recipe, {**PLAIN, "objects": [{**one, "kind": "ball"}]}, "")) for one in LATER["objects"]
     }
-    assert len(found | {recipe_digest(plain)}) == 7
+    found |= {
+        recipe_digest(check(Recipe, {**PLAIN, "world": {"rules": {key: 0.7}}}, ""))
+        for key in ("stuck_after_s", "stuck_within_m", "stuck_off_goals_m")
+    }
+    found.add(recipe_digest(check(Recipe, {**PLAIN, "conceded_reward": -0.5}, "")))
+    assert len(found | {recipe_digest(plain)}) == 13
 
 
 def test_the_literal_learner_has_the_numbers_of_the_text():

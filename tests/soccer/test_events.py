@@ -56,9 +56,9 @@ def passes(teams, *touched):
 
 def test_limits_are_those_of_the_settings():
     params = event_params(WORLD)
-    assert params == (CONTACT, RELEASE, WINDOW)
-    rules = RuleSettings(pass_window_s=1.0, collision_release_m=0.5)
-    assert event_params(WorldSettings(rules=rules)) == (CONTACT, 0.5, 30)
+    assert params == (CONTACT, RELEASE, WINDOW, 0, 0.3, 1.5)  # no ball is ever stuck
+    rules = RuleSettings(pass_window_s=1.0, collision_release_m=0.5, stuck_after_s=3.0, stuck_within_m=0.2)
+    assert event_params(WorldSettings(rules=rules)) == (CONTACT, 0.5, 30, 90, 0.2, 1.5)
     assert event_params(WorldSettings(rules=rules, physics=PhysicsSettings(step_s=0.1))).pass_window == 10
 
 

@@ -87,7 +87,8 @@ def test_a_pass_is_what_the_rules_of_the_world_say_in_both_worlds():
     schedule = read_schedule("chapter3/schedule", changes)
     for world in (schedule.world, transfer_world(schedule)):
         scene = pair_scene(schedule, world, new_agents(schedule), (SKILL, SKILL))
-        assert scene.venue.stage.limits == (0.004, 0.1, 30)
+        limits = scene.venue.stage.limits
+        assert (limits.contact_gap, limits.release_gap, limits.pass_window) == (0.004, 0.1, 30)
 
 
 def test_with_simultaneous_learning_both_learn_in_as_many_trials(small_schedule):

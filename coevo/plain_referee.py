@@ -1,4 +1,4 @@
-"""What happens in a game of the plain loop, counted from positions alone, and what is done with a ball that is stuck."""
+"""What happens in a game of the plain loop, counted from positions alone, and what becomes of a ball that is stuck."""
 
 from __future__ import annotations
 

@@ -201,14 +201,23 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
             )
         if self.task in ("pass", "avoid", "defend") and self.mover.kind == "none":
             raise ValueError(f"the task {self.task!r} needs another robot: set mover.kind")
-        if self.task != "pass" and any(model.kind == "mate" for model in self.objects) and self.mover.kind != "none":
+        self._check_objects()
+        if self.coordination is not UNSET and self.learning.storage == "sparse":
+            raise ValueError("learning.storage: with coordination every state has values from the start: 'dense'")
+
+    def _check_objects(self) -> None:
+        kinds = [model.kind for model in self.objects]
+        needed = {model.kind for model in self.objects if model.needed}
+        if self.task != "pass" and "mate" in kinds and self.mover.kind != "none":
             raise ValueError("objects: only the task 'pass' has a mate; look at 'robot' instead")
+        if self.task == "search" and "ball" in needed:
+            raise ValueError("objects: the task 'search' is about a ball that is out of view: it cannot be needed")
         if self.coordination is not UNSET:
-            if len({model.kind for model in self.objects}) < len(self.objects):
+            if needed:
+                raise ValueError("objects: with coordination a skill acts in every state: none can be needed")
+            if len(set(kinds)) < len(kinds):
                 raise ValueError("objects: with coordination, every object stands once")
-            if self.learning.storage == "sparse":
-                raise ValueError("learning.storage: with coordination every state has values from the start: 'dense'")
-        others = [model.kind for model in self.objects if model.kind in ("mate", "robot")]
+        others = [kind for kind in kinds if kind in ("mate", "robot")]
         if others and self.mover.kind == "none":
             raise ValueError(f"objects: {others[0]!r} is another robot, but there is none: set mover.kind")
 

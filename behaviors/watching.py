@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from msgspec import UNSET
 
 from behaviors.cards import measured_mover
 from behaviors.learning import succeeded, watch
@@ -13,7 +15,7 @@ from behaviors.schedule.recipe import Schedule
 from behaviors.trials.scene import Watched
 from behaviors.trials.task import COLLISION, FAILURE, GOING, STRAY_GOAL, SUCCESS
 from coevo.replay import Actor, Recording, Take
-from coevo.skill import Skill
+from coevo.skill import Skill, load_skill
 from coevo.stage import CHASER, ROAMER, STANDING
 
 __all__ = ["pair_recording", "skill_recording"]
@@ -48,13 +50,26 @@ def skill_recording(recipe: Recipe, skill: Skill, *, games: int, seed: int, star
         ending = _ENDINGS.get(one.ends, "time is up")
         if one.ends == SUCCESS:
             ending = _SUCCESSES[recipe.task]
+        elif one.ends == FAILURE and recipe.task == "defend":
+            ending = "goal against it"
         elif one.ends == GOING and recipe.task in _SPARED:
             ending = f"time is up, and no {_SPARED[recipe.task]}"
         takes.append(_take(one, number, games, ending, success=success))
     robots = takes[0].trace.skills.shape[1]
-    actors = tuple(Actor(f"r{number}", sees=number == 0) for number in range(robots))
+    played = _played(recipe)
+    against = int(recipe.task == "defend")  # the other robot is of the other team
+    actors = tuple(Actor(f"r{number}", number * against, sees=number == 0 or bool(played)) for number in range(robots))
     name = f"{skill.name}: starts {starts}, seed {seed}"
-    return _recording(name, recipe, actors, [skill], takes)
+    return _recording(name, recipe, actors, [skill, *played], takes)
+
+
+def _played(recipe: Recipe) -> list[Skill]:
+    """Return the skill that the other robot plays when a skill is measured, if it plays one."""
+    mover = measured_mover(recipe) or recipe.mover
+    if mover.skill is UNSET:
+        return []
+    skill = load_skill(mover.skill)
+    return [replace(skill, name=f"{skill.name} of r1")]
 
 
 def pair_recording(

@@ -28,6 +28,8 @@ class LearnerSettings(Settings, frozen=True, kw_only=True):
         twice = sorted({kind for kind in kinds if kinds.count(kind) > 1})
         if twice:
             raise ValueError(f"objects and also: {twice[0]!r} is there twice")
+        if any(model.needed for model in self.objects):
+            raise ValueError("objects: only a skill that is learned by its own recipe can need one")
         if self.action.min_steps > self.action.max_steps:
             raise ValueError(f"action.min_steps must be at most max_steps, got {self.action.min_steps}")
 

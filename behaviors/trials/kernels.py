@@ -16,7 +16,7 @@ from behaviors.tabular.table import row_of
 from behaviors.trials.informed import informed_action
 from behaviors.trials.minds import Minds, decisions_of, learner_of, table_of
 from behaviors.trials.starts import start_one, start_two
-from behaviors.trials.task import AVOID, CHANNELS, FAILURE, PASS_AND_SHOOT, SUCCESS, Tally, TaskParams, judge
+from behaviors.trials.task import AVOID, CHANNELS, DEFEND, FAILURE, PASS_AND_SHOOT, SUCCESS, Tally, TaskParams, judge
 from coevo.compiled import borrowed, entry, helper, inlined
 from coevo.skill.estimate import remember, sees_what_it_needs
 from coevo.soccer.camera import FEATURES
@@ -225,7 +225,7 @@ def _judge(trial: Trial, _time: int) -> int:
         if _is_learning(trial, robot):
             last = minds.decisions.made[robot] - 1
             for channel in range(CHANNELS):
-                if rewards[robot, channel] != 0.0:
+                if last >= 0 and rewards[robot, channel] != 0.0:  # before its first decision nothing is its doing
                     earned = minds.rewards[robot, channel] * rewards[robot, channel]
                     minds.decisions.rewards[robot, last] += earned
     if task.gathering:
@@ -239,7 +239,8 @@ def _judge_gathering(trial: Trial, ends: int) -> int:
     store = trial.minds.store
     if store.written[0, 0] >= store.trial.shape[1]:
         return SUCCESS
-    return ends if trial.task.task < AVOID and ends in (SUCCESS, FAILURE) else GOING
+    about_ball = trial.task.task < AVOID or trial.task.task == DEFEND
+    return ends if about_ball and ends in (SUCCESS, FAILURE) else GOING
 
 
 @helper

@@ -104,7 +104,7 @@ def blank_skill(recipe: Recipe, models: tuple[ObjectModel, ...]) -> Skill:
         )
     values = np.zeros((states, len(action_set(recipe.world.robot).codes)), np.float32)
     drive, action = recipe.world.robot.drive, recipe.action
-    domain = tuple(one.kind for one in recipe.objects if one.needed)
+    domain = tuple(dict.fromkeys(one.kind for one in recipe.objects if one.needed))
     return Skill(recipe.name, drive, models, values, action.min_steps, action.max_steps, domain=domain)
 
 

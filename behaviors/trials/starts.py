@@ -90,9 +90,9 @@ def start_one(task: TaskParams, stage: Stage, ease: float, in_view: bool, rng: N
     """Draw the start of a trial of one learner into the stage's state; False if none was found.
 
     Bodies lie anywhere on the field without touching. With starts ``in_view``, what the task is about is visible to
-    the learner (for search: the ball is not; for home:
-    the own goal). ``ease``: 1 starts near, 0 anywhere: limits how far the learner is
-    from the ball and the ball from where it should go.
+    the learner (for search: the ball is not; for home: the own goal). ``ease``: 1 starts near, 0 anywhere: limits how
+    far the learner is from the ball and the ball from where it should go. For defend, ball and robots start where an
+    attack comes from.
     """
     physics, state, areas = stage.physics, stage.body.state, stage.memory.areas
     bodies = state.shape[0]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from coevo.config import GPSettings, RunSettings
 from coevo.evolution.population import codes_of, first_population
-from coevo.game import SoccerGame
+from coevo.game import Arena, SoccerGame
+from coevo.plain import PlainGame
 from coevo.recipes import read_settings
 from coevo.seeds import game_seeds
 from coevo.tree import from_codes, parse
@@ -78,3 +80,33 @@ def _seeds_of(*key, count):
 def seeds_of():
     """Return a function that makes seeds of games."""
     return _seeds_of
+
+
+def _play_both(settings, trees, seeds):
+    arena, plain = Arena(settings), PlainGame(settings)
+    different, outcomes, traces = [], [], []
+    for n, (team, seed) in enumerate(zip(trees, seeds, strict=True)):
+        one, seen = arena.trace(_programs(settings, team), seed)
+        two, expected = plain.play(team, seed, thoughts=True)
+        equal = [
+            np.array_equal(getattr(one, name), getattr(two, name))
+            for name in ("steps", "scorer", "kicks", "collisions", "passes", "own_goals", "skill_steps")
+        ]
+        equal += [
+            seen.states.tobytes() == expected.states.tobytes(),
+            np.array_equal(seen.skills, expected.skills),
+            np.array_equal(seen.actions, expected.actions),
+            np.array_equal(seen.leaves, expected.leaves),
+            np.array_equal(seen.perceived, expected.perceived),
+        ]
+        if not all(equal):
+            different.append(n)
+        outcomes.append(two)
+        traces.append(expected)
+    return different, outcomes, traces
+
+
+@pytest.fixture(scope="session")
+def play_both():
+    """Return a function that plays games twice: which differ in anything, and outcomes and traces of the plain loop."""
+    return _play_both

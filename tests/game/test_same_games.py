@@ -63,34 +63,6 @@ def wild(tmp_path_factory, settings_of):
     return found
 
 
-@pytest.fixture(scope="module")
-def play_both(programs):
-    def play(settings, trees, seeds):
-        """Return how many games differ in anything, and all that happened in them."""
-        arena, plain = Arena(settings), PlainGame(settings)
-        different, outcomes = [], []
-        for n, (team, seed) in enumerate(zip(trees, seeds, strict=True)):
-            one, seen = arena.trace(programs(settings, team), seed)
-            two, expected = plain.play(team, seed, thoughts=True)
-            equal = [
-                np.array_equal(getattr(one, name), getattr(two, name))
-                for name in ("steps", "scorer", "kicks", "collisions", "passes", "own_goals", "skill_steps")
-            ]
-            equal += [
-                seen.states.tobytes() == expected.states.tobytes(),
-                np.array_equal(seen.skills, expected.skills),
-                np.array_equal(seen.actions, expected.actions),
-                np.array_equal(seen.leaves, expected.leaves),
-                np.array_equal(seen.perceived, expected.perceived),
-            ]
-            if not all(equal):
-                different.append(n)
-            outcomes.append(two)
-        return different, outcomes
-
-    return play
-
-
 @pytest.mark.parametrize("preset", PRESETS)
 def test_compiled_games_are_those_of_the_plain_loop(
     preset, settings_of, random_trees, the_same_tree, seeds_of, play_both
@@ -102,7 +74,7 @@ def test_compiled_games_are_those_of_the_plain_loop(
         "IF_ball_is_left(pass, IF_own_goal_is_lost(IF_ball_is_large(shoot, avoid), IF_own_goal_is_left(pass, search)))",
     )
     trees = [the_same_tree(settings, text) for text in texts] + random_trees(settings, 12, seed=2)
-    different, outcomes = play_both(settings, trees, seeds_of(4, count=15))
+    different, outcomes, _ = play_both(settings, trees, seeds_of(4, count=15))
     assert sum(outcome.kicks.sum() for outcome in outcomes) > 20  # they played
     assert different == []
 
@@ -110,7 +82,7 @@ def test_compiled_games_are_those_of_the_plain_loop(
 @pytest.mark.parametrize("drive", ["pws", "4ws"])
 def test_crowded_games_of_random_skills_are_those_of_the_plain_loop(wild, drive, random_trees, seeds_of, play_both):
     settings = wild[drive]
-    different, outcomes = play_both(settings, random_trees(settings, 25, seed=3), seeds_of(5, count=25))
+    different, outcomes, _ = play_both(settings, random_trees(settings, 25, seed=3), seeds_of(5, count=25))
     for name, least in (("kicks", 40), ("collisions", 20), ("passes", 1)):
         assert sum(getattr(outcome, name).sum() for outcome in outcomes) >= least, name
     assert np.all(sum(outcome.skill_steps for outcome in outcomes) > 0)
@@ -139,7 +111,7 @@ def test_games_of_added_conditions_and_skills_are_those_of_the_plain_loop(
     added = {name for robot in range(3) for name in SoccerGame(settings).function_set(robot).functions[35:]}
     assert len(added) == 16  # near and high 4 each, there 5, leaning 2, gone 1
     assert added <= asked
-    different, outcomes = play_both(settings, trees, seeds_of(6, count=20))
+    different, outcomes, _ = play_both(settings, trees, seeds_of(6, count=20))
     assert np.all(sum(outcome.skill_steps for outcome in outcomes).sum(axis=0) > 0)  # each of the six terminals acts
     assert different == []
 
@@ -168,7 +140,7 @@ def test_skills_with_one_lost_state_play_the_games_of_the_plain_loop(
         preset, "game.time_limit_steps=200", *(f"skills.{name}='{tmp_path / name}.npz'" for name in changed)
     )
     trees = [the_same_tree(settings, skill) for skill in SKILLS] + random_trees(settings, 8, seed=28)
-    different, outcomes = play_both(settings, trees, seeds_of(29, count=12))
+    different, outcomes, _ = play_both(settings, trees, seeds_of(29, count=12))
     assert np.all(sum(outcome.skill_steps for outcome in outcomes) > 0)
     assert different == []
 

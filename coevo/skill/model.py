@@ -127,8 +127,9 @@ class Skill:
                     f"the memory matrix of {model.kind} must have {past} columns, got {model.memory_matrix.shape}"
                 )
         unseen = set(self.domain) - {model.kind for model in self.objects}
-        if unseen:
-            raise ValueError(f"domain must name objects of the skill, got {', '.join(sorted(unseen))}")
+        if unseen or len(set(self.domain)) < len(self.domain):
+            got = ", ".join(map(repr, sorted(unseen))) or "one of them twice"
+            raise ValueError(f"domain must name objects of the skill, each once, got {got}")
         if not 1 <= self.min_steps <= self.max_steps:
             raise ValueError(f"expected 1 <= min_steps <= max_steps, got {self.min_steps} and {self.max_steps}")
 
@@ -167,7 +168,7 @@ class Skill:
             digest.update(np.ascontiguousarray(model.memory_matrix).tobytes())
             digest.update(np.ascontiguousarray(model.past_mean).tobytes())
         if self.domain:
-            digest.update(f"domain {' '.join(self.domain)}".encode())
+            digest.update(f"domain {' '.join(sorted(self.domain))}".encode())
         return digest.hexdigest()
 
     def save(self, path: Path) -> None:

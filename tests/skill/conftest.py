@@ -8,7 +8,7 @@ import pytest
 from coevo.skill import ObjectModel, Skill
 from coevo.skill.model import OBJECT_KINDS
 
-_PLAIN = ("name", "drive", "min_steps", "max_steps", "about", "sparse")
+_PLAIN = ("name", "drive", "min_steps", "max_steps", "about", "sparse", "domain")
 
 
 def _model(rng, kind="ball", order=2, length=2, lost=2):

@@ -158,6 +158,14 @@ def test_another_format_is_refused_by_its_number(saved, other):
         {"min_steps": "many"},
         {"min_steps": 99},
         {"about": 3},
+        {"domain": 5},
+        {"domain": None},
+        {"domain": "ball"},
+        {"domain": ["moon"]},
+        {"domain": ["own_goal"]},  # it does not look at it
+        {"domain": [["ball"]]},
+        {"domain": ["ball"] * 1000},
+        {"domain": ["ball\n"]},
     ],
     ids=str,
 )
@@ -201,6 +209,7 @@ SPARSE = {
 CHANGES = {
     "longest action": {"header": {"max_steps": 29}},
     "drive": {"header": {"drive": "4ws"}},
+    "domain": {"header": {"domain": ["ball"]}},
     "values": {"values": np.ones((55, 9), np.float32)},
 }
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from coevo.skill import ObjectModel, Skill, make_bank
-from coevo.skill.estimate import discrete_state, forget, make_memory, remember
+from coevo.skill.estimate import discrete_state, forget, make_memory, remember, sees_what_it_needs
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, FEATURES, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 
@@ -311,3 +311,26 @@ def test_a_robot_without_a_team_mate_never_sees_one(mates):
     memory.areas[0, ROBOTS] = 50.0
     remember(memory, bank, 0, 0, np.zeros(2), MIDDLE)
     assert discrete_state(memory, bank, 0, 0, 0) == (3 if mates[0] < 0 else 1)
+
+
+# --------------------------------------------------------------------------------------------------- what a skill needs
+
+
+def test_a_skill_sees_what_it_needs_where_all_of_its_domain_is_in_view():
+    rng, robots, mates = np.random.default_rng(12), 3, [1, 0, -1]
+    kinds = ("mate", "ball", "own_goal", "robot")
+    domains = [(), ("ball",), ("mate",), ("robot",), ("own_goal", "ball"), ("robot", "mate", "ball")]
+    whole = skill(*(model(rng, kind, 1, 1) for kind in kinds))
+    bank = bank_of(*(dataclasses.replace(whole, domain=domain) for domain in domains))
+    memory = make_memory(bank, mates)
+    forget(memory)
+    told = [story(rng, 60, robots, -1 if mate < 0 else ROBOTS + mate - int(mate > n)) for n, mate in enumerate(mates)]
+    answers = []
+    for time in range(60):
+        for robot in range(robots):
+            tell(memory, bank, robot, told[robot], time)
+            for s, domain in enumerate(domains):
+                expected = all(told[robot].sight(kind, time) is not None for kind in domain)
+                assert sees_what_it_needs(memory, bank, s, robot) == expected, (time, robot, domain)
+                answers.append((s, expected))
+    assert set(answers) == {(s, yes) for s in range(len(domains)) for yes in (True, False)} - {(0, False)}

@@ -13,9 +13,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from coevo.config import RobotSettings
 from coevo.errors import InputError
 from coevo.skill import Skill, installed_skills, load_skill, read_card, skill_description, skill_path
 from coevo.skill.model import OBJECT_KINDS, state_count
+from coevo.soccer.drive import action_set
 
 KINDS = tuple(OBJECT_KINDS)
 
@@ -137,6 +139,7 @@ DECISIVE = {
     "cell": lambda skill: first_object(skill, {"cell": 0.7}),
     "mean": lambda skill: first_object(skill, {"past_mean": np.zeros(12)}),
     "kind": lambda skill: {"objects": skill(objects=(("ball", 2, 2), ("mate", 1, 3))).objects},
+    "domain": lambda _: {"domain": ("ball",)},
 }
 
 
@@ -147,6 +150,45 @@ def test_the_digest_changes_with_whatever_decides_what_a_skill_does(what, skill)
 
 def test_the_digest_is_that_of_the_behaviour_not_of_its_name(skill):
     assert dataclasses.replace(skill(), name="mine", about={}).digest == skill().digest
+
+
+# -------------------------------------------------------------------------------------------------------------- domain
+
+
+@pytest.mark.parametrize("drive", ["pws", "4ws"])
+@pytest.mark.parametrize("domain", [("ball",), ("mate",), ("robot",), ("ball", "robot"), ("robot", "mate", "ball")])
+def test_outside_its_domain_a_skill_stands_and_within_it_does_what_it_did(domain, drive, skill):
+    actions = action_set(RobotSettings(drive=drive))
+    objects = (("ball", 2, 1, 1), ("mate", 1, 2, 2), ("robot", 1, 1, 1))
+    free = skill(objects=objects, actions=len(actions.codes), drive=drive)
+    kept = dataclasses.replace(free, domain=domain)
+    (stand,) = (n for n, command in enumerate(actions.commands.tolist()) if command == [0.0, 0.0])
+    outside = 0
+    for state, action in enumerate(kept.policy):
+        rest, lost = state, set()
+        for kind, order, _, lost_states in reversed(objects):
+            rest, cell = divmod(rest, 3**order + lost_states)
+            lost |= {kind} if cell >= 3**order else set()
+        assert action == (stand if lost & set(domain) else free.policy[state])
+        outside += bool(lost & set(domain))
+    assert 0 < outside < len(kept.policy)
+    assert (kept.policy != free.policy).any()
+
+
+def test_a_domain_is_kept_and_is_in_the_digest(tmp_path, skill, same):
+    kept = [dataclasses.replace(skill(), domain=domain) for domain in ((), ("ball",), ("robot",), ("ball", "robot"))]
+    assert len({one.digest for one in kept}) == 4
+    for one in kept:
+        one.save(tmp_path / "one.npz")
+        assert same(load_skill(tmp_path / "one.npz"), one)
+    # The order in which the objects are named decides nothing.
+    assert dataclasses.replace(skill(), domain=("robot", "ball")).digest == kept[3].digest
+
+
+def test_the_file_of_a_skill_without_a_domain_is_that_of_before_there_were_any(saved):
+    path, _ = saved
+    with np.load(path) as archive:
+        assert "domain" not in json.loads(bytes(archive["header"]))
 
 
 # ------------------------------------------------------------------------------------------ a skill that makes no sense
@@ -161,6 +203,8 @@ NONSENSE = {
     "an object too few": lambda skill: {"objects": skill().objects[:1]},
     "unknown object": lambda skill: first_object(skill, {"kind": "moon"}),
     "history too long": lambda skill: first_object(skill, {"history_length": 3}),
+    "a domain that it does not look at": lambda _: {"domain": ("ball", "own_goal")},
+    "an object twice in the domain": lambda _: {"domain": ("ball", "ball")},
     "three lost states": lambda skill: first_object(skill, {"lost_states": 3}),
     "mean too short": lambda skill: first_object(skill, {"past_mean": np.zeros(11)}),
 }

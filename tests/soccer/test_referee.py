@@ -53,7 +53,7 @@ def dropped_at(balls, *, events=None, robots=((1.0, 1.0),)):
     return found
 
 
-# ------------------------------------------------------------------------------------------------------ when it is stuck
+# ----------------------------------------------------------------------------------------------------- when it is stuck
 
 
 def test_a_ball_at_rest_is_stuck_after_the_time_of_the_rule_and_again_after_as_long():

@@ -187,8 +187,8 @@ class Learning:
             success = float((measured.outcomes == SUCCESS).mean())
             told[starts] = measured.success_rate
             earned = success * recipe.goal_reward + measured.collision_rate * recipe.collision_reward
-            if recipe.task == "defend":
-                earned += float((measured.outcomes == FAILURE).mean()) * recipe.conceded_reward
+            if recipe.task == "defend":  # it earns nothing by a goal on the other side
+                earned = float((measured.outcomes == FAILURE).mean()) * recipe.conceded_reward
             reward += 0.5 * earned
         return reward, told
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 
@@ -13,13 +14,14 @@ from click.testing import CliRunner
 from behaviors.cards import measure
 from behaviors.commands import learn, skills
 from behaviors.learning import evaluate, watch
-from behaviors.recipe import LearningSettings, MoverSettings, read_recipe
+from behaviors.recipe import LearningSettings, MoverSettings, Recipe, read_recipe
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import make_table
 from behaviors.trials.kernels import run_trials
 from behaviors.trials.scene import no_results
-from behaviors.trials.solo import solo_scene
+from behaviors.trials.solo import provisional_skill, solo_scene
 from behaviors.watching import skill_recording
+from coevo.config import check
 from coevo.errors import InputError
 from coevo.replay import make_page, trace_digest
 from coevo.skill import load_skill
@@ -123,6 +125,33 @@ def test_a_recording_tells_what_a_card_counts():
     assert [actor.sees for actor in recording.actors] == [True, False]
     endings = {(take.point, take.ending) for take in recording.takes}
     assert endings <= {(0, "time is up, and no collision"), (1, "collision")}
+
+
+@pytest.mark.parametrize("attacker", ["shoot", "home"])
+def test_a_robot_that_plays_a_skill_is_shown_with_it(attacker, tmp_path):
+    """The other robot of a defender plays a skill, which may have the name of the one that is watched."""
+    goal = {"kind": "own_goal", "history_length": 1, "order": 1}
+    played = tmp_path / f"{attacker}.npz"
+    dataclasses.replace(load_skill("shoot"), name=attacker).save(played)
+    plain = {"name": "home", "task": "defend", "objects": [goal], "mover": {"kind": "skill", "skill": str(played)}}
+    recipe = check(Recipe, {**plain, "time_limit_steps": 120}, "mine")  # too short for some
+    skill = provisional_skill(recipe)
+    recording = skill_recording(recipe, skill, games=30, seed=2, starts="in-view")
+    assert list(recording.skills) == ["home", f"{attacker} of r1"]
+    assert [model.kind for model in recording.skills[f"{attacker} of r1"]] == ["ball", "opponent_goal"]
+    assert [(actor.team, actor.sees) for actor in recording.actors] == [(0, True), (1, True)]
+    endings = {(take.point, take.ending) for take in recording.takes}
+    assert endings <= {(0, "time is up, and no goal"), (0, "goal on the other side"), (1, "goal against it")}
+    assert len(endings) >= 2
+    conceded = sum(take.trace.states[-1, -1, 0] < 0.0 for take in recording.takes)
+    assert 0 < conceded == recording.score_before()[-1][1]
+    shoot = load_skill("shoot").policy
+    for take in recording.takes:
+        actions, states = take.trace.actions[:, 1], take.trace.perceived[:, 1]
+        begins = np.flatnonzero(np.diff(actions, prepend=-1))
+        assert (actions[begins] == shoot[states[begins]]).all()
+        assert (take.trace.skills == [0, 1]).all()
+    make_page(recording)
 
 
 def test_a_page_of_a_skill_tells_in_words_what_it_sees_and_does(open_page, tmp_path):

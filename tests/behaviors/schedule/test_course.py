@@ -210,6 +210,7 @@ def test_prediction_errors_are_of_what_was_stored_in_greedy_trials(small_schedul
         ("passes_rewarded=none", ["passes_rewarded", "'first', 'each'", "got 'none'"]),
         ("transfer.supersample=2", ["supersample must be odd", "got 2"]),
         ("passer.also.0.kind=ball", ["'ball' is there twice"]),
+        ("shooter.objects.0.needed=true", ["only a skill that is learned by its own recipe can need one"]),
         ("passer.action.min_steps=31", ["min_steps must be at most max_steps"]),
     ],
 )

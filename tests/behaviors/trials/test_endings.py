@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from behaviors.recipe import (
-    read_recipe,
-)
+from behaviors.recipe import Recipe, read_recipe
 from behaviors.trials import task as tasks
 from behaviors.trials.solo import provisional_skill, solo_scene
-from behaviors.trials.task import COLLIDED, COLLISION, FAILURE, GOING, SUCCEEDED, SUCCESS
+from behaviors.trials.task import COLLIDED, COLLISION, CONCEDED, FAILURE, GOING, SUCCEEDED, SUCCESS
 from coevo.compiled import entry
-from coevo.soccer.camera import BALL
+from coevo.config import check
+from coevo.soccer.camera import BALL, OWN_GOAL, ROBOTS
 from coevo.soccer.events import record_contacts
-from coevo.stage import LEARNER
+from coevo.stage import LEARNER, SKILL
 
 
 @entry
@@ -24,11 +24,19 @@ def judge(task, stage, tally, time):
     return tasks.judge(task, stage, tally)
 
 
+def recipe_of(name):
+    """Return the recipe of an installed skill, or one of a task that none of these has."""
+    if name not in ("defend", "home"):
+        return read_recipe(name)
+    parts = {"mover": {"kind": "skill", "skill": "shoot"}} if name == "defend" else {}
+    return check(Recipe, {"name": name, "task": name, "objects": [{"kind": "own_goal"}], **parts}, name)
+
+
 def verdict(
     name, *, ball=(4.0, 2.0), robot=(3.0, 2.0), gaps=(1.0, 1.0), robots_apart=1.0, sees_ball=False, before=(), time=100
 ):
     """Return how a trial stands in a situation; ``before``: (time, gaps to the ball) of steps that came before."""
-    recipe = read_recipe(name)
+    recipe = recipe_of(name)
     scene = solo_scene(recipe, provisional_skill(recipe), LEARNER)
     stage, tally = scene.venue.stage, scene.trial.tally
     body, robots = stage.body, len(stage.roles.role)
@@ -43,6 +51,8 @@ def verdict(
     found = judge(scene.trial.task, stage, tally, time)
     rewards = np.zeros_like(tally.rewards)
     rewards[0, SUCCEEDED], rewards[0, COLLIDED] = found == SUCCESS, found == COLLISION
+    if name == "defend":
+        rewards[0, SUCCEEDED], rewards[0, CONCEDED] = 0.0, found == FAILURE
     assert np.array_equal(tally.rewards, rewards)
     return found
 
@@ -90,3 +100,83 @@ def test_avoiding_ends_with_a_collision_only():
 def test_searching_ends_when_the_ball_is_seen():
     assert verdict("search") == GOING
     assert verdict("search", sees_ball=True) == SUCCESS
+
+
+def test_defending_ends_with_a_goal_and_only_the_one_against_it_counts():
+    assert verdict("defend") == GOING
+    assert verdict("defend", ball=(0.0, 2.0)) == GOING  # on the line
+    assert verdict("defend", ball=(-1e-6, 2.0)) == FAILURE
+    assert verdict("defend", ball=(LINE + 1e-6, 2.0)) == SUCCESS
+    assert verdict("defend", robots_apart=0.0, gaps=(0.0, 0.0)) == GOING  # it may touch the other
+    assert verdict("defend", ball=(-0.1, 2.0), robots_apart=0.0) == FAILURE
+    assert verdict("defend", robot=(-0.1, 2.0)) == GOING
+
+
+def test_it_is_home_within_a_metre_of_the_middle_of_its_goal():
+    middle = 0.5 * read_recipe("shoot").world.field.width_m
+    assert verdict("home", robot=(1.01, middle)) == GOING
+    assert verdict("home", robot=(0.99, middle)) == SUCCESS
+    assert verdict("home", robot=(0.6, middle + 0.81)) == GOING
+    assert verdict("home", robot=(0.6, middle - 0.79)) == SUCCESS
+    assert verdict("home", robot=(LINE - 0.5, middle)) == GOING  # the other goal
+    assert verdict("home", ball=(-0.1, middle), gaps=(0.0,)) == GOING
+
+
+# ------------------------------------------------------------------------------------------------- what a skill needs
+
+
+def ends_of(objects, seen, *, role=LEARNER, patience=5, name="pass"):
+    """Return the step in which a trial ends as a failure, None if it goes on, when objects come and go.
+
+    Args:
+        objects: of the recipe, kind and whether the skill needs it.
+        seen: for each step, the kinds that are in view.
+        role: of the robot.
+        patience: of the recipe [steps].
+        name: of the recipe whose other settings are taken.
+    """
+    things = {"ball": BALL, "own_goal": OWN_GOAL, "mate": ROBOTS}
+    plain = {"name": name, "task": name, "objects": [{"kind": kind, "needed": needed} for kind, needed in objects]}
+    recipe = check(Recipe, {**plain, "mover": {"kind": "standing"}, "learning": {"patience_steps": patience}}, name)
+    scene = solo_scene(recipe, provisional_skill(recipe), role)
+    stage = scene.venue.stage
+    stage.body.state[:, :2] = (3.0, 2.0), (5.0, 2.0), (4.0, 3.0)
+    stage.body.ball_gap[:] = stage.body.robot_gap[:] = 1.0
+    for time, kinds in enumerate(seen):
+        stage.memory.areas[0] = 0.0
+        stage.memory.areas[0, [things[kind] for kind in kinds]] = 3.0
+        found = judge(scene.trial.task, stage, scene.trial.tally, time)
+        assert not scene.trial.tally.rewards.any()
+        if found != GOING:
+            assert found == FAILURE
+            return time
+    return None
+
+
+BOTH = ("ball", "mate")
+
+
+@pytest.mark.parametrize("patience", [0, 1, 5])
+def test_a_trial_ends_when_what_the_skill_needs_stays_lost_for_longer_than_its_patience(patience):
+    objects, lost = [("ball", True), ("mate", False)], [("mate",)]
+    assert ends_of(objects, [BOTH] * 10 + lost * 50, patience=patience) == 10 + patience
+    assert ends_of(objects, lost * 50, patience=patience) == patience
+    almost = [BOTH] * 3 + lost * patience
+    assert ends_of(objects, almost * 10, patience=patience) is None  # seen again, it counts from zero
+
+
+def test_each_object_that_is_needed_counts_and_no_other():
+    objects = [("ball", True), ("mate", True), ("own_goal", False)]
+    assert ends_of(objects, [BOTH] * 50) is None
+    assert ends_of(objects, [("ball", "own_goal")] * 50) == 5
+    assert ends_of(objects, [("mate", "own_goal")] * 50) == 5
+    assert ends_of(objects, [("ball",), ("mate",)] * 20) == 5  # never both
+    assert ends_of([("ball", False), ("mate", False)], [()] * 50) is None
+
+
+def test_only_what_learns_is_cut_short():
+    assert ends_of([("ball", True)], [()] * 50, role=SKILL) is None
+
+
+def test_defending_too_needs_what_it_needs():
+    assert ends_of([("ball", True)], [("ball",)] * 4 + [()] * 50, name="defend") == 9

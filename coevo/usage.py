@@ -22,6 +22,7 @@ from coevo.tree.rules import Rule, in_words, leaf_rules
 __all__ = [
     "TreeUsage",
     "UsedTree",
+    "champions_in_words",
     "group_trees",
     "last_generation",
     "merge_usage",
@@ -130,6 +131,12 @@ def _most_used(rules: list[Rule]) -> list[Rule]:
 def last_generation(run: Run) -> int:
     """Return the number of the last finished generation; 0 if there is none."""
     return max(run.finished - 1, 0)
+
+
+def champions_in_words(run: Run, generation: int) -> str:
+    """Return what the champions of a generation are called."""
+    last = generation == run.config.gp.generations - 1 and run.champions() is not None
+    return f"the champions of generation {generation}" if last else f"the best of generation {generation}"
 
 
 def used_tree(run: Run, robot: str | None = None, generation: int | None = None, rank: int | None = None) -> UsedTree:

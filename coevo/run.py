@@ -293,7 +293,8 @@ class Run(Folder):
         return [line for earlier in range(generation) for line in lines_of(earlier, self.records(earlier))]
 
     def save_champions(self, rows: Sequence[Sequence[object]]) -> None:
-        """Write the last champions, a row of ``CHAMPION_COLUMNS`` each."""
+        """Write the last champions, a row of ``CHAMPION_COLUMNS`` each; what was found out of others is forgotten."""
+        self.forget_results()
         lines = [CHAMPION_COLUMNS, *rows]
         text = "".join(",".join(map(str, line)) + "\n" for line in lines)
         save_whole(self.path / _CHAMPIONS, text.encode())

@@ -1,0 +1,70 @@
+"""What champions are measured by: single skills, all small trees, hand-typed teams, random search.
+
+All functions take a ``game`` (``coevo.game.make_game(settings)``) and an ``evaluator`` (``Evaluator(settings,
+workers=2, backend="threads")``, used as a context). A *team* is ``{role number: Tree}``; a *line-up* is the same with
+programs (``team_line_up(game, team)``), as ``coevo.contest`` has it. Opponents (``others``) are line-ups, each of all
+other roles that evolve; nothing where nobody else does.
+
+- ``small_trees(functions, depth, limit)``: all trees of a role that behave differently; ``neighbours(tree, functions,
+  depth)``: those that are one change away.
+- ``best_answer(game, evaluator, team, others, candidates, games=, seed=)``: the team of small trees that does best
+  against opponents, within a budget of games, as an ``Answer`` (``trees``, ``line_up(game)``, ``worth``, ``games``).
+  ``depth=2`` or 3 lets it grow the best trees; ``keep`` restricts teams (``lambda team: any("pass" in tree.names for
+  tree in team.values())``); ``lost_weight`` is what a lost game costs; ``starts`` are teams of one's own to begin from.
+- ``best_single_skills(...)``: the same among the teams of one skill for each robot.
+- ``measure(game, evaluator, team, parts, others, games=, seed=)``: line-ups in the same fresh games, as ``Measured``
+  (``won``, ``lost`` a game; ``share``, ``lost_share``, ``time_out``); ``gain(after, before)`` with its interval.
+- ``best_answers(game, evaluator, rounds, games=, seed=)``: alternating best answers from the best single skills, a
+  ``Round`` each, and ``moves(rounds)``: in how many of them the answer was better.
+
+Example:
+    >>> from analysis.baselines import best_answer, best_single_skills, in_text, measure, team_line_up
+    >>> from coevo.evolution.evaluation import Evaluator
+    >>> from coevo.game import make_game
+    >>> from coevo.recipes import read_experiment
+    >>> from coevo.tree import parse
+    >>> settings = read_experiment("three-learners")
+    >>> game = make_game(settings)
+    >>> opponent = team_line_up(game, {2: parse("shoot")})
+    >>> with Evaluator(settings, workers=2, backend="threads") as evaluator:
+    ...     single = best_single_skills(game, evaluator, 0, [opponent], games=160, seed=1)
+    ...     small = best_answer(game, evaluator, 0, [opponent], games=3000, seed=1)
+    ...     parts = [small.line_up(game), single.line_up(game)]
+    ...     ours, theirs = measure(game, evaluator, 0, parts, [opponent], games=40, seed=2)
+    >>> sorted(in_text(game, small.trees)), 0.0 <= ours.share[0] <= 1.0
+    (['r0', 'r1'], True)
+"""
+
+from analysis.baselines.rounds import Round, best_answers, moves, single_skill_teams
+from analysis.baselines.search import (
+    Answer,
+    Measured,
+    Team,
+    best_answer,
+    best_single_skills,
+    gain,
+    in_text,
+    measure,
+    team_line_up,
+)
+from analysis.baselines.trees import behaviour, distinct, neighbours, small_trees
+
+__all__ = [
+    "Answer",
+    "Measured",
+    "Round",
+    "Team",
+    "behaviour",
+    "best_answer",
+    "best_answers",
+    "best_single_skills",
+    "distinct",
+    "gain",
+    "in_text",
+    "measure",
+    "moves",
+    "neighbours",
+    "single_skill_teams",
+    "small_trees",
+    "team_line_up",
+]

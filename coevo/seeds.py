@@ -45,7 +45,7 @@ class RunStream(IntEnum):
     CROSS = 12  # between champions of different runs: a block of starts and game
     SINGLES = 13  # which teams of single skills are tried, where there are too many: a team
     BENCH = 9  # whose speed is measured: a group and game
-    ANSWERS = 20  # by which best answers are chosen: a team, step and game
+    ANSWERS = 20  # by which best answers are chosen: a search, team, race and game
     ANSWERED = 21  # that say how good best answers and baselines are: a part and game
     SMALL_TREES = 22  # which small trees are tried, where there are too many: a depth
 

@@ -16,6 +16,8 @@ other roles that evolve; nothing where nobody else does.
   (``won``, ``lost`` a game; ``share``, ``lost_share``, ``time_out``); ``gain(after, before)`` with its interval.
 - ``best_answers(game, evaluator, rounds, games=, seed=)``: alternating best answers from the best single skills, a
   ``Round`` each, and ``moves(rounds)``: in how many of them the answer was better.
+- ``table(run, evaluator, games=, search_games=, hand=, random=)``: the champions of a run beside all of these, tidy;
+  ``over_runs(tables)``: the same of many runs, which are the unit then.
 
 Example:
     >>> from analysis.baselines import best_answer, best_single_skills, in_text, measure, team_line_up
@@ -35,12 +37,15 @@ Example:
     (['r0', 'r1'], True)
 """
 
+from analysis.baselines.compare import over_runs, table
+from analysis.baselines.hand_typed import HandTyped, read_hand_typed, shipped_hand_typed
 from analysis.baselines.rounds import Round, best_answers, moves, single_skill_teams
 from analysis.baselines.search import (
     Answer,
     Measured,
     Team,
     best_answer,
+    best_of,
     best_single_skills,
     gain,
     in_text,
@@ -51,12 +56,14 @@ from analysis.baselines.trees import behaviour, distinct, neighbours, small_tree
 
 __all__ = [
     "Answer",
+    "HandTyped",
     "Measured",
     "Round",
     "Team",
     "behaviour",
     "best_answer",
     "best_answers",
+    "best_of",
     "best_single_skills",
     "distinct",
     "gain",
@@ -64,7 +71,11 @@ __all__ = [
     "measure",
     "moves",
     "neighbours",
+    "over_runs",
+    "read_hand_typed",
+    "shipped_hand_typed",
     "single_skill_teams",
     "small_trees",
+    "table",
     "team_line_up",
 ]

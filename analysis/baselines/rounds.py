@@ -127,7 +127,6 @@ def best_answers(
         team, roles = sides[(number - 1) % len(sides)]
         met = _last_met(game, history, roles, memory)
         own = {role: standing[role] for role in roles}
-        key = seed + 7919 * number
         answer = best_answer(
             game,
             evaluator,
@@ -135,7 +134,8 @@ def best_answers(
             met,
             candidates,
             games=games,
-            seed=key,
+            seed=seed,
+            number=number,
             roles=roles,
             depth=depth,
             restarts=restarts,

@@ -30,6 +30,7 @@ __all__ = [
     "Measured",
     "Team",
     "best_answer",
+    "best_of",
     "best_single_skills",
     "gain",
     "in_text",
@@ -204,11 +205,12 @@ class _Search:
         others: Sequence[LineUp],
         *,
         seed: int,
+        number: int,
         lost_weight: float,
         keep: Callable[[Team], bool] | None,
     ) -> None:
         self.game, self._evaluator, self._team, self._others = game, evaluator, team, list(others) or [{}]
-        self._seed, self._weight, self._keep = seed, lost_weight, keep
+        self._key, self._weight, self._keep = (seed, RunStream.ANSWERS, number, team), lost_weight, keep
         self._programs: dict[tuple[int, Tree], Program] = {}
         self._races = 0
         self.games = 0
@@ -235,14 +237,13 @@ class _Search:
         rungs = max(1, math.ceil(math.log(len(teams), _QUARTER))) if len(teams) > 1 else 1
         for rung in range(rungs):
             more = max(1, int(games / rungs / len(alive) / len(self._others))) * len(self._others)
-            key = (self._seed, RunStream.ANSWERS, self._team, self._races)
-            seeds = game_seeds(*key, first=count, count=more)
-            worth[alive] += self._worth([teams[k] for k in alive], seeds)
+            seeds = game_seeds(*self._key, self._races, first=count, count=more)
+            worth[alive] += self._worth([teams[k] for k in alive.tolist()], seeds)
             count += more
             alive = alive[np.argsort(-worth[alive], kind="stable")]
             if rung < rungs - 1:
                 alive = np.union1d(alive[: math.ceil(len(alive) / _QUARTER)], [0])
-        return [(teams[k], float(worth[k]) / count) for k in alive]
+        return [(teams[k], float(worth[k]) / count) for k in alive.tolist()]
 
     def _worth(self, teams: Sequence[Team], seeds: NDArray[np.uint64]) -> NDArray[np.float64]:
         parts = [{role: self._compiled(role, tree) for role, tree in team.items()} for team in teams]
@@ -268,6 +269,7 @@ def best_answer(
     *,
     games: int,
     seed: int,
+    number: int = 0,
     roles: Sequence[int] | None = None,
     depth: int = 1,
     restarts: int = 3,
@@ -288,6 +290,7 @@ def best_answer(
         candidates: for roles the trees that are tried; by default all ``small_trees`` of depth 1 at most.
         games: of the whole search, about; with very few, each candidate is still tried once against each opponent.
         seed: of the games that choose.
+        number: another number is other games.
         roles: which roles of the team are searched for; by default all that evolve. The others are then in ``others``.
         depth: from 2 on, trees that are one change away from the best are tried besides, down to this depth.
         restarts: from how many teams of single skills the search begins, the best ones.
@@ -302,7 +305,7 @@ def best_answer(
     """
     chosen = tuple(roles or (k for k, role in enumerate(game.roles) if role.evolves and role.team == team))
     options = {role: (candidates or {}).get(role) or small_trees(game.function_set(role)) for role in chosen}
-    search = _Search(game, evaluator, team, others, seed=seed, lost_weight=lost_weight, keep=keep)
+    search = _Search(game, evaluator, team, others, seed=seed, number=number, lost_weight=lost_weight, keep=keep)
     singles = search.allowed(_singles(game, team, chosen))
     begun = search.allowed({role: start[role] for role in chosen} for start in starts)
     if len(chosen) == 1:  # all candidates are tried at once; deeper trees begin from the best of them
@@ -320,7 +323,7 @@ def best_answer(
     steps = len(begin) * len(chosen) * (sweeps + deeper)
     each = (1.0 - share - _FOR_LAST) * games / max(1, steps)
     ends = []
-    for number, start in enumerate(begin):
+    for at, start in enumerate(begin):
         now = start
         for sweep in range(sweeps + deeper):
             before = now
@@ -329,7 +332,7 @@ def best_answer(
                 trees = neighbours(now[role], game.function_set(role), depth) if near else options[role]
                 (now, worth), *_ = search.race(search.allowed([now, *({**now, role: tree} for tree in trees)]), each)
                 if tell is not None:
-                    tell(f"beginning {number + 1} of {len(begin)}, sweep {sweep + 1}: {worth:.3f} {in_text(game, now)}")
+                    tell(f"beginning {at + 1} of {len(begin)}, sweep {sweep + 1}: {worth:.3f} {in_text(game, now)}")
             if now == before and (sweep >= sweeps or not deeper):
                 break
         ends.append(now)
@@ -351,15 +354,41 @@ def best_single_skills(
     *,
     games: int,
     seed: int,
+    number: int = 0,
     roles: Sequence[int] | None = None,
     lost_weight: float = 0.0,
     keep: Callable[[Team], bool] | None = None,
 ) -> Answer:
-    """Return the team in which each robot uses one skill throughout that does best; arguments as of ``best_answer``."""
+    """Return the team in which each robot uses one skill throughout that does best; arguments as of ``best_answer``.
+
+    Raises:
+        ValueError: no team is left that may be an answer.
+    """
     chosen = tuple(roles or (k for k, role in enumerate(game.roles) if role.evolves and role.team == team))
-    search = _Search(game, evaluator, team, others, seed=seed, lost_weight=lost_weight, keep=keep)
-    pool = search.allowed(_singles(game, team, chosen))
-    if not pool:
+    singles = [one for one in _singles(game, team, chosen) if keep is None or keep(one)]
+    return best_of(
+        game, evaluator, team, others, singles, games=games, seed=seed, number=number, lost_weight=lost_weight
+    )
+
+
+def best_of(
+    game: Game,
+    evaluator: Evaluator,
+    team: int,
+    others: Sequence[LineUp],
+    teams: Sequence[Team],
+    *,
+    games: int,
+    seed: int,
+    number: int = 0,
+    lost_weight: float = 0.0,
+) -> Answer:
+    """Return the best of some teams of the same roles; arguments as of ``best_answer``.
+
+    Raises:
+        ValueError: there is none.
+    """
+    if not teams:
         raise ValueError("expected at least one team that may be an answer, got none")
-    (best, worth), *_ = search.race(pool, games)
-    return Answer(team, best, worth, search.games)
+    search = _Search(game, evaluator, team, others, seed=seed, number=number, lost_weight=lost_weight, keep=None)
+    return Answer(team, *search.race(teams, games)[0], search.games)

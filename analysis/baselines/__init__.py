@@ -39,7 +39,7 @@ Example:
 
 from analysis.baselines.compare import over_runs, table
 from analysis.baselines.hand_typed import HandTyped, read_hand_typed, shipped_hand_typed
-from analysis.baselines.rounds import Round, best_answers, moves, single_skill_teams
+from analysis.baselines.rounds import Round, best_answers, last_met, moves, single_skill_teams
 from analysis.baselines.search import (
     Answer,
     Measured,
@@ -68,6 +68,7 @@ __all__ = [
     "distinct",
     "gain",
     "in_text",
+    "last_met",
     "measure",
     "moves",
     "neighbours",

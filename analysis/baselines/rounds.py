@@ -12,7 +12,7 @@ from coevo.evolution.evaluation import Evaluator
 from coevo.game import Game
 from coevo.tree import Tree
 
-__all__ = ["Round", "best_answers", "moves", "single_skill_teams"]
+__all__ = ["Round", "best_answers", "last_met", "moves", "single_skill_teams"]
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,8 @@ class Round:
         team: who answers.
         roles: the roles that do.
         answer: what the search came to.
+        previous: the trees of these roles before.
+        met: the trees of all other roles that evolve.
         standing: the trees of all roles that evolve, after it.
         before, after: fresh games against the same opponents: as it was before, and by the answer.
         gain: by how much the answer is worth more, with its interval.
@@ -35,6 +37,8 @@ class Round:
     team: int
     roles: tuple[int, ...]
     answer: Answer
+    previous: Team
+    met: Team
     standing: Team
     before: Measured
     after: Measured
@@ -125,8 +129,9 @@ def best_answers(
     still = 0
     for number in range(1, rounds + 1):
         team, roles = sides[(number - 1) % len(sides)]
-        met = _last_met(game, history, roles, memory)
+        met = [team_line_up(game, one) for one in last_met(history, roles)[:memory]]
         own = {role: standing[role] for role in roles}
+        others = {role: tree for role, tree in standing.items() if role not in roles}
         answer = best_answer(
             game,
             evaluator,
@@ -152,7 +157,7 @@ def best_answers(
         does = _behaviours(game, standing)
         again = next((k for k, old in enumerate(history) if moved and _behaviours(game, old) == does), None)
         history.append(dict(standing))
-        found.append(Round(number, team, roles, answer, dict(standing), before, after, by, moved, again))
+        found.append(Round(number, team, roles, answer, own, others, dict(standing), before, after, by, moved, again))
         if report is not None:
             report(found[-1])
         still = 0 if moved else still + 1
@@ -161,14 +166,19 @@ def best_answers(
     return found
 
 
-def _last_met(game: Game, history: Sequence[Mapping[int, Tree]], roles: Sequence[int], memory: int) -> list[LineUp]:
-    """Return the last different standings of all other roles, the last first."""
-    met: list[dict[int, Tree]] = []
+def last_met(history: Sequence[Team], roles: Sequence[int]) -> list[Team]:
+    """Return what the other roles of standings were, each once, the last first; nothing where there are no others.
+
+    Args:
+        history: the trees of all roles that evolve, the last at the end.
+        roles: those that are left out.
+    """
+    met: list[Team] = []
     for old in reversed(history):
         others = {role: tree for role, tree in old.items() if role not in roles}
-        if others not in met:
+        if others and others not in met:
             met.append(others)
-    return [team_line_up(game, one) for one in met[:memory]]
+    return met
 
 
 def _behaviours(game: Game, team: Team) -> tuple[object, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.baselines.hand_typed import HandTyped
+from analysis.baselines.identity import digest, identity
 from analysis.baselines.search import (
     Measured,
     Team,
@@ -150,17 +150,6 @@ def _rows(run: Run, team: int, entrants: Sequence[_Entrant], measured: Sequence[
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def _digest(parts: Iterable[object]) -> str:
-    whole = hashlib.sha256()
-    for part in parts:
-        whole.update(repr(part).encode() + b"\n")
-    return whole.hexdigest()[:12]
-
-
-def _identity(line_up: LineUp) -> list[tuple[int, bytes]]:
-    return [(role, program.codes.tobytes()) for role, program in sorted(line_up.items())]
-
-
 class _Kept:
     """What baselines of one team of a run came to, taken from the run folder or played and kept there."""
 
@@ -168,13 +157,13 @@ class _Kept:
         self, run: Run, evaluator: Evaluator, team: int, others: Sequence[LineUp], tell: Callable[[str], None]
     ) -> None:
         self._run, self._evaluator, self._team, self._others, self._tell = run, evaluator, team, others, tell
-        self._met = [_identity(one) for one in others]
+        self._met = [identity(one) for one in others]
         self._arguments = (run.game, evaluator, team, others)
         self._who = ", ".join(name for role, name in run.evolving.items() if run.game.roles[role].team == team)
 
     def _answer(self, what: str, key: Iterable[object], find: Callable[[], Team]) -> Team:
         """Return the trees that a search finds, or found before."""
-        name = f"answer-{what}-{_digest([self._team, self._met, *key])}"
+        name = f"answer-{what}-{digest(self._team, self._met, *key)}"
         kept, game = self._run.result(name), self._run.game
         if kept is None:
             found = find()
@@ -226,16 +215,16 @@ class _Kept:
 
     def measured(self, entrants: Sequence[_Entrant], games: int) -> list[Measured]:
         """Return the same fresh games of all."""
-        name = f"baselines-team{self._team}-{games}-{_digest([self._met])}"
+        name = f"baselines-team{self._team}-{games}-{digest(self._met)}"
         kept: dict[str, NDArray[Any]] = self._run.result(name) or {}
-        digests = [_digest(_identity(one.line_up)) for one in entrants]
+        digests = [digest(identity(one.line_up)) for one in entrants]
         missing = {d: one.line_up for d, one in zip(digests, entrants, strict=True) if f"won_{d}" not in kept}
         if missing:
             self._tell(f"{self._who}: {games} fresh games of each team ...")
             seed = self._run.config.seed
             found = measure(*self._arguments[:3], list(missing.values()), self._others, games=games, seed=seed)
-            for digest, of in zip(missing, found, strict=True):
-                kept |= {f"{what}_{digest}": getattr(of, what) for what in ("won", "lost", "passes", "steps")}
+            for key, of in zip(missing, found, strict=True):
+                kept |= {f"{what}_{key}": getattr(of, what) for what in ("won", "lost", "passes", "steps")}
             self._run.save_result(name, kept)
         return [Measured(*(kept[f"{what}_{d}"] for what in ("won", "lost", "passes", "steps"))) for d in digests]
 

@@ -19,22 +19,7 @@ other roles that evolve; nothing where nobody else does.
 - ``table(run, evaluator, games=, search_games=, hand=, random=)``: the champions of a run beside all of these, tidy;
   ``over_runs(tables)``: the same of many runs, which are the unit then.
 
-Example:
-    >>> from analysis.baselines import best_answer, best_single_skills, in_text, measure, team_line_up
-    >>> from coevo.evolution.evaluation import Evaluator
-    >>> from coevo.game import make_game
-    >>> from coevo.recipes import read_experiment
-    >>> from coevo.tree import parse
-    >>> settings = read_experiment("three-learners")
-    >>> game = make_game(settings)
-    >>> opponent = team_line_up(game, {2: parse("shoot")})
-    >>> with Evaluator(settings, workers=2, backend="threads") as evaluator:
-    ...     single = best_single_skills(game, evaluator, 0, [opponent], games=160, seed=1)
-    ...     small = best_answer(game, evaluator, 0, [opponent], games=3000, seed=1)
-    ...     parts = [small.line_up(game), single.line_up(game)]
-    ...     ours, theirs = measure(game, evaluator, 0, parts, [opponent], games=40, seed=2)
-    >>> sorted(in_text(game, small.trees)), 0.0 <= ours.share[0] <= 1.0
-    (['r0', 'r1'], True)
+docs/how-to/baselines.md has an example.
 """
 
 from analysis.baselines.compare import over_runs, table

@@ -52,7 +52,7 @@ def make(table):
 class Known:
     """The game of some winners, by dark, wet and the choice of each role, with what its teams are worth exactly."""
 
-    def __init__(self, folder, winners, teams):
+    def __init__(self, folder, winners, teams) -> None:
         (folder / "lookedup.py").write_text(LOOKED_UP, encoding="utf-8")
         self.winners = np.asarray(winners)
         game = {"kind": "lookedup:make", "winners": self.winners.tolist(), "teams": list(teams)}

@@ -47,6 +47,9 @@ class RunStream(IntEnum):
     GUESTS = 14  # from which earlier generations guests come: a generation
     CHAMPIONS = 15  # that choose the last champions once more: a team and game
     BENCH = 9  # whose speed is measured: a group and game
+    ANSWERS = 20  # by which best answers are chosen: a search, team, race and game
+    ANSWERED = 21  # that say how good best answers and baselines are: a part and game
+    SMALL_TREES = 22  # which small trees are tried, where there are too many: a depth
 
 
 @unique

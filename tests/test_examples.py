@@ -16,6 +16,8 @@ import coevo
 # What the README, the how-tos and other programs call.
 PUBLIC = (
     "analysis.ancestry.inheritance.ancestors",
+    "analysis.baselines.trees.behaviour",
+    "analysis.baselines.trees.small_trees",
     "analysis.curves.summary",
     "analysis.curves.table",
     "coevo.measures.distinct_trees",
@@ -24,6 +26,7 @@ PUBLIC = (
     "analysis.games.play",
     "analysis.groups.run_names",
     "analysis.progress.diagnose",
+    "analysis.settlements.taken_over",
     "analysis.tournament.play.chosen_generations",
     "behaviors.coordination.isodata.isodata",
     "behaviors.learning.evaluate",

@@ -210,6 +210,7 @@ _READERS: dict[str, tuple[str, Callable[[str, tuple[str, ...]], Any]]] = {
     "reproduce coordination": ("source", lambda name, _: read_recipe(name)),
     "reproduce placement": ("recipe", read_experiment),
     "reproduce placement-search": ("recipe", read_experiment),
+    "reproduce presets": ("recipes", read_experiment),
     "reproduce skills": ("names", lambda name, _: load_skill(name)),
 }
 

@@ -6,11 +6,23 @@ from coevo.errors import InputError
 from coevo.game import SoccerGame
 from coevo.tree import Tree, parse
 
-__all__ = ["GAMES_OF_ONE_GROUPING", "ONCE", "PASSER", "SHOOTER", "needs_opponent", "team_trees"]
+__all__ = ["GAMES_OF_ONE_GROUPING", "ONCE", "PASSER", "SHOOTER", "TEAMS", "needs_opponent", "team_trees"]
 
 SHOOTER = "IF_ball_is_lost(search, shoot)"
 PASSER = "IF_ball_is_lost(search, pass)"
 ONCE = "IF_ball_is_small(search, pass)"  # gives the ball away and stays back
+
+TEAMS = {
+    "r0 shoots": ("shoot", "search"),
+    "r1 shoots": ("search", "shoot"),
+    "both shoot": ("shoot", "shoot"),
+    "both search, then shoot": (SHOOTER, SHOOTER),
+    "r0 passes, r1 shoots": ("pass", "shoot"),
+    "r0 searches, then passes, r1 shoots": (PASSER, "shoot"),
+    "both search, then r0 passes, r1 shoots": (PASSER, SHOOTER),
+    "r0 passes once, r1 shoots": (ONCE, "shoot"),
+}
+"""The trees of r0 and r1, by what people call the team."""
 
 GAMES_OF_ONE_GROUPING = 20
 """What people count goals in: those of Table 6.3 by which an individual is judged."""

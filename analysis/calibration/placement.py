@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from analysis.calibration.hand_typed import (
     GAMES_OF_ONE_GROUPING,
-    ONCE,
-    PASSER,
     SHOOTER,
+    TEAMS,
     needs_opponent,
     team_trees,
 )
@@ -29,16 +28,6 @@ from coevo.statistics import mean_interval
 
 __all__ = ["hand_typed_table", "placement", "random_goals"]
 
-_TEAMS = {
-    "r0 shoots": ("shoot", "search"),
-    "r1 shoots": ("search", "shoot"),
-    "both shoot": ("shoot", "shoot"),
-    "both search, then shoot": (SHOOTER, SHOOTER),
-    "r0 passes, r1 shoots": ("pass", "shoot"),
-    "r0 searches, then passes, r1 shoots": (PASSER, "shoot"),
-    "both search, then r0 passes, r1 shoots": (PASSER, SHOOTER),
-    "r0 passes once, r1 shoots": (ONCE, "shoot"),
-}
 _OPPONENTS = ("search", SHOOTER)
 
 
@@ -60,7 +49,7 @@ def hand_typed_table(game: SoccerGame, *, games: int, seed: int) -> pd.DataFrame
         InputError: r0 and r1 are no team that evolves.
     """
     rows = []
-    for name, team in _TEAMS.items():
+    for name, team in TEAMS.items():
         for opponent in _OPPONENTS if needs_opponent(game) else (None,):
             outcome = play(game, team_trees(game, team, opponent), games=games, seed=seed)
             side = game.roles[0].team

@@ -126,6 +126,20 @@ def test_ancestry(follow):
 
 
 @pytest.mark.slow
+def test_baselines(follow):
+    folder = follow("baselines.md")
+    found = pd.read_csv(folder / "baselines.csv")
+    assert set(found["robots"]) == {"r2"}
+    assert found["run"].nunique() == 2
+    (text,) = [
+        text for kind, text in BLOCK.findall((DOCS / "how-to/baselines.md").read_text("utf-8")) if kind == "python"
+    ]
+    names = {}
+    exec(text, names)  # noqa: S102 - of our own page
+    assert names["rows"]["kind"].tolist()[:3] == ["champions", "single skills", "small trees"]
+
+
+@pytest.mark.slow
 def test_curves(follow, capsys):
     folder = follow("curves.md")
     pictures = ("first.svg", "goals.svg", "groups.svg")

@@ -1,0 +1,251 @@
+"""Champions of a run beside its baselines: all play the same fresh games against the same opponents."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.baselines.hand_typed import HandTyped
+from analysis.baselines.identity import digest, identity
+from analysis.baselines.search import (
+    Measured,
+    Team,
+    best_answer,
+    best_of,
+    best_single_skills,
+    gain,
+    in_text,
+    measure,
+    team_line_up,
+)
+from analysis.tournament import same_game
+from coevo.contest import LineUp, champions, evolving_teams
+from coevo.errors import InputError
+from coevo.evolution.evaluation import Evaluator
+from coevo.run import Run
+from coevo.statistics import bootstrap_interval
+from coevo.tree import parse
+
+__all__ = ["COLUMNS", "KINDS", "check_comparable", "equal_games", "over_runs", "table"]
+
+KINDS = ("champions", "single skills", "small trees", "hand-typed", "random search")
+COLUMNS = (
+    *("run", "team", "robots", "kind", "name", "trees", "chosen", "games"),
+    *("share", "low", "high", "lost", "time_out", "over", "over_low", "over_high"),
+)
+_CHOOSING = 0.1  # of the games of the search choose among hand-typed teams, and among single skills
+_SINGLES, _SMALL, _HAND = 0, 1, 2  # numbers of searches: each has starts of its own
+
+
+@dataclass(frozen=True)
+class _Entrant:
+    """Who plays: a kind of ``KINDS``, what it is called, its trees as text where they are small, and its programs."""
+
+    kind: str
+    name: str
+    trees: str
+    chosen: bool
+    line_up: LineUp
+
+
+def equal_games(run: Run, other: Run) -> bool:
+    """Return whether two runs played equally many games of evolution."""
+
+    def games(of: Run) -> int:
+        return of.config.gp.generations * of.config.gp.population * of.config.evaluation.games
+
+    return games(run) == games(other)
+
+
+def check_comparable(run: Run, team: int | None, random: Run | None) -> None:
+    """Refuse what ``table`` cannot compare; arguments are its own.
+
+    Raises:
+        InputError: says what was expected.
+    """
+    teams = evolving_teams(run.game)
+    if team is not None and team not in teams:
+        raise InputError(f"expected a team that evolves ({', '.join(map(str, teams))}), got {team}")
+    for one in (run, random):
+        if one is not None and one.finished < 1:
+            raise InputError(f"{one.path} has no finished generation yet; go on with 'coevo resume {one.path}'")
+    if random is not None and not same_game([run, random]):
+        raise InputError(f"{random.path} is about another game than {run.path}: their champions cannot meet")
+
+
+def table(
+    run: Run,
+    evaluator: Evaluator,
+    *,
+    games: int = 400,
+    search_games: int = 40_000,
+    depth: int = 1,
+    team: int | None = None,
+    hand: Sequence[HandTyped] = (),
+    random: Run | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> pd.DataFrame:
+    """Return the last champions of a run beside its baselines; what was played is kept in the run folder.
+
+    Where other teams evolve, the opponents are their last champions, and those of the random search if there is one:
+    starts are dealt to both in turn, so that neither is favoured. Single skills, small trees and hand-typed teams are
+    chosen against the same opponents, by other games.
+
+    Args:
+        run: with a finished generation.
+        evaluator: plays its games.
+        games: fresh ones, of each row.
+        search_games: of the search among small trees, about.
+        depth: of the deepest of them.
+        team: whose champions; by default of each that evolves.
+        hand: hand-typed teams; those of other teams are left out.
+        random: a run of the same game by random search.
+        tell: receives a line before what takes long.
+
+    Returns:
+        ``COLUMNS``, a row a team and line-up, the champions first. ``kind``: of ``KINDS``. ``trees``: as text; none of
+        evolved ones. ``chosen``: whether the row stands for its kind: of the hand-typed teams the best one. ``share``,
+        ``low``, ``high``: of games won; ``lost``, ``time_out``: shares of games. ``over``, ``over_low``, ``over_high``:
+        by how much the champions' share is above it in the same games, none for themselves.
+
+    Raises:
+        InputError: no generation is finished, there is no such team, or the random search is about another game.
+    """
+    check_comparable(run, team, random)
+    teams = evolving_teams(run.game)
+    last = champions(run, run.finished - 1)
+    drawn = {} if random is None else champions(random, random.finished - 1)
+    frames = []
+    for number in teams if team is None else (team,):
+        met = [_without(of, number) for of in (last, drawn) if of]
+        others = met if any(met) else []
+        found = _Kept(run, evaluator, number, others, tell)
+        entrants = [_Entrant("champions", "last champions", "", True, last[number])]
+        entrants.append(found.single_skills(round(_CHOOSING * search_games)))
+        entrants.append(found.small_trees(search_games, depth))
+        mine = [one for one in hand if one.team == number]
+        entrants += found.hand_typed(mine, round(_CHOOSING * search_games))
+        if random is not None:
+            entrants.append(_Entrant("random search", random.path.name, "", True, drawn[number]))
+        frames.append(_rows(run, number, entrants, found.measured(entrants, games)))
+    return pd.concat(frames, ignore_index=True)
+
+
+def _without(of: dict[int, LineUp], team: int) -> LineUp:
+    return {role: program for other, part in of.items() if other != team for role, program in part.items()}
+
+
+def _rows(run: Run, team: int, entrants: Sequence[_Entrant], measured: Sequence[Measured]) -> pd.DataFrame:
+    names = ", ".join(name for role, name in run.evolving.items() if run.game.roles[role].team == team)
+    rows = []
+    for one, of in zip(entrants, measured, strict=True):
+        over = (np.nan,) * 3 if one.kind == "champions" else gain(measured[0], of)
+        told = (str(run.path), team, names, one.kind, one.name, one.trees, one.chosen, len(of.won))
+        rows.append((*told, *of.share, of.lost_share, of.time_out, *over))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+class _Kept:
+    """What baselines of one team of a run came to, taken from the run folder or played and kept there."""
+
+    def __init__(
+        self, run: Run, evaluator: Evaluator, team: int, others: Sequence[LineUp], tell: Callable[[str], None]
+    ) -> None:
+        self._run, self._evaluator, self._team, self._others, self._tell = run, evaluator, team, others, tell
+        self._met = [identity(one) for one in others]
+        self._arguments = (run.game, evaluator, team, others)
+        self._who = ", ".join(name for role, name in run.evolving.items() if run.game.roles[role].team == team)
+
+    def _answer(self, what: str, key: Iterable[object], find: Callable[[], Team]) -> Team:
+        """Return the trees that a search finds, or found before."""
+        name = f"answer-{what}-{digest(self._team, self._met, *key)}"
+        kept, game = self._run.result(name), self._run.game
+        if kept is None:
+            found = find()
+            kept = {f"tree_{role}": np.frombuffer(str(tree).encode(), np.uint8) for role, tree in found.items()}
+            self._run.save_result(name, kept)
+        texts = {int(key.removeprefix("tree_")): bytes(text).decode() for key, text in kept.items()}
+        return {role: parse(text, game.function_set(role)) for role, text in sorted(texts.items())}
+
+    def _entrant(self, kind: str, name: str, team: Team, *, chosen: bool = True) -> _Entrant:
+        text = "; ".join(f"{robot}: {tree}" for robot, tree in in_text(self._run.game, team).items())
+        return _Entrant(kind, name, text, chosen, team_line_up(self._run.game, team))
+
+    def single_skills(self, games: int) -> _Entrant:
+        """Return the best team of single skills."""
+
+        def find() -> Team:
+            self._tell(f"{self._who}: choosing among single skills ...")
+            seed = self._run.config.seed
+            return best_single_skills(*self._arguments, games=games, seed=seed, number=_SINGLES).trees
+
+        return self._entrant("single skills", "best single skills", self._answer("single", [games], find))
+
+    def small_trees(self, games: int, depth: int) -> _Entrant:
+        """Return the best team of small trees."""
+
+        def find() -> Team:
+            self._tell(f"{self._who}: searching among small trees, by about {games:,} games ...")
+            seed = self._run.config.seed
+            return best_answer(*self._arguments, games=games, seed=seed, number=_SMALL, depth=depth).trees
+
+        return self._entrant("small trees", "best small trees", self._answer("small", [games, depth], find))
+
+    def hand_typed(self, teams: Sequence[HandTyped], games: int) -> list[_Entrant]:
+        """Return all hand-typed teams, the best of them marked."""
+        if not teams:
+            return []
+
+        def find() -> Team:
+            self._tell(f"{self._who}: choosing among hand-typed teams ...")
+            seed, trees = self._run.config.seed, [one.trees for one in teams]
+            return best_of(*self._arguments, trees, games=games, seed=seed, number=_HAND).trees
+
+        texts = [in_text(self._run.game, one.trees) for one in teams]
+        best = self._answer("hand", [games, texts], find)
+        at = next(k for k, one in enumerate(teams) if one.trees == best)
+        return [
+            self._entrant("hand-typed", one.name, one.trees, chosen=number == at) for number, one in enumerate(teams)
+        ]
+
+    def measured(self, entrants: Sequence[_Entrant], games: int) -> list[Measured]:
+        """Return the same fresh games of all."""
+        name = f"baselines-team{self._team}-{games}-{digest(self._met)}"
+        kept: dict[str, NDArray[Any]] = self._run.result(name) or {}
+        digests = [digest(identity(one.line_up)) for one in entrants]
+        missing = {d: one.line_up for d, one in zip(digests, entrants, strict=True) if f"won_{d}" not in kept}
+        if missing:
+            self._tell(f"{self._who}: {games} fresh games of each team ...")
+            seed = self._run.config.seed
+            found = measure(*self._arguments[:3], list(missing.values()), self._others, games=games, seed=seed)
+            for key, of in zip(missing, found, strict=True):
+                kept |= {f"{what}_{key}": getattr(of, what) for what in ("won", "lost", "passes", "steps")}
+            self._run.save_result(name, kept)
+        return [Measured(*(kept[f"{what}_{d}"] for what in ("won", "lost", "passes", "steps"))) for d in digests]
+
+
+def over_runs(tables: pd.DataFrame) -> pd.DataFrame:
+    """Return the champions of several runs beside their baselines: the unit is a run, not a game.
+
+    Args:
+        tables: of ``table``, of one run or of several, one under the other.
+
+    Returns:
+        A row a side and kind of baseline: ``robots``, ``kind``, ``runs``, ``champions`` and ``share`` (mean shares of
+        games won, of the champions and of the baseline), ``over``, ``low``, ``high`` (mean of the differences with its
+        interval over runs), ``better`` (in how many runs the champions were ahead).
+    """
+    rows = []
+    chosen = tables[tables["chosen"]]
+    for (robots, kind), of in chosen[chosen["kind"] != "champions"].groupby(["robots", "kind"], sort=False):
+        over = of["over"].to_numpy(np.float64)
+        mean, low, high = (float(value) for value in bootstrap_interval(over))
+        shares = (float((of["share"] + of["over"]).mean()), float(of["share"].mean()))
+        rows.append((robots, kind, len(of), *shares, mean, low, high, int((over > 0.0).sum())))
+    columns = ["robots", "kind", "runs", "champions", "share", "over", "low", "high", "better"]
+    return pd.DataFrame(rows, columns=columns)

@@ -1,0 +1,215 @@
+"""coevo baselines."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from coevo.console import note, output_options, show, worker_options
+from coevo.console import table as text_table
+from coevo.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import pandas as pd
+
+    from coevo.run import Run
+
+__all__ = ["baselines"]
+
+
+@click.command()
+@click.argument("folders", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--games", type=click.IntRange(min=1), default=400, show_default=True, help="Fresh games of each team, the same."
+)
+@click.option(
+    "--search-games",
+    type=click.IntRange(min=1),
+    default=40_000,
+    show_default=True,
+    help="Games of the search among small trees.",
+)
+@click.option(
+    "--depth", type=click.IntRange(min=1, max=4), default=1, show_default=True, help="Of the deepest small tree."
+)
+@click.option("--team", type=click.IntRange(min=0), help="Number of the team; by default each that evolves.")
+@click.option(
+    "--hand",
+    type=click.Path(path_type=Path),
+    metavar="FILE.toml",
+    help="Hand-typed teams of your own, instead of those that are shipped.",
+)
+@click.option(
+    "--random",
+    "randoms",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="RUN",
+    help="A run of the same game by random search; one for each run, in their order.",
+)
+@click.option("--out", type=click.Path(path_type=Path), help="All rows, as .csv.")
+@worker_options
+@output_options
+def baselines(
+    *,
+    folders: tuple[Path, ...],
+    games: int,
+    search_games: int,
+    depth: int,
+    team: int | None,
+    hand: Path | None,
+    randoms: tuple[Path, ...],
+    out: Path | None,
+    workers: int,
+    backend: str,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Compare the last champions of runs with what is simpler, by games that neither was chosen by.
+
+    \b
+    Baselines are the best team in which each robot uses one skill throughout, the best team of small trees, the best
+    hand-typed team, and random search with equally many games. Of several runs the runs are what is counted.
+    Example: coevo baselines runs/three-learners-seed0
+             coevo baselines runs/mine-seed* --hand teams.toml --random runs/random-seed0 --random runs/random-seed1
+    """
+    import pandas as pd
+
+    from analysis.baselines.compare import check_comparable, equal_games, over_runs, table
+    from analysis.baselines.hand_typed import read_hand_typed, shipped_hand_typed
+    from analysis.charts import check_out, save
+    from analysis.groups import open_runs
+    from coevo.evolution.evaluation import Evaluator, check_backend
+    from coevo.game import prepare
+
+    check_backend(backend)
+    if out is not None:
+        check_out(out, (".csv",))
+    runs = open_runs(folders)
+    drawn = _paired(runs, randoms)
+    typed = [shipped_hand_typed(run.game) if hand is None else read_hand_typed(run.game, hand) for run in runs]
+    for run, other in zip(runs, drawn, strict=True):
+        check_comparable(run, team, other)
+        if other is not None and not equal_games(run, other):
+            note(f"{other.path} did not play as many games as {run.path}", quiet=quiet)
+    frames = []
+
+    def tell(text: str) -> None:
+        note(text, quiet=quiet)
+
+    one = partial(table, games=games, search_games=search_games, depth=depth, team=team, tell=tell)
+    prepare(runs[0].config, tell)
+    try:
+        for run, other, teams in zip(runs, drawn, typed, strict=True):
+            with Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator:
+                note(f"{run.path}:", quiet=quiet or len(runs) == 1)
+                frames.append(one(run, evaluator, hand=teams, random=other))
+    except KeyboardInterrupt:
+        note("Stopped; what was found is kept. Go on with the same command.")
+        raise
+    found = pd.concat(frames, ignore_index=True)
+    if out is not None:
+        save(None, found, out)
+    summary = over_runs(found)
+    data = {"games": games, "search_games": search_games, "depth": depth, "teams": _plain(found)}
+    if len(runs) > 1:
+        data["over_runs"] = _plain(summary)
+    text = _several(summary) if len(runs) > 1 else _one(found)
+    show(data, text + ("" if out is None else f"\nWritten: {out}"), as_json=as_json)
+
+
+def _paired(runs: Sequence[Run], randoms: Sequence[Path]) -> list[Run | None]:
+    from analysis.groups import open_runs
+
+    if not randoms:
+        return [None] * len(runs)
+    if len(randoms) != len(runs):
+        raise InputError(f"expected --random once for each of {len(runs)} runs, in their order; got {len(randoms)}")
+    return list(open_runs(randoms))
+
+
+def _plain(found: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the rows as JSON can hold them."""
+    return [
+        {
+            str(key): None if isinstance(value, float) and not math.isfinite(value) else value
+            for key, value in row.items()
+        }
+        for row in found.to_dict("records")
+    ]
+
+
+def _one(found: pd.DataFrame) -> str:
+    """Return the rows of one run, a table a side, and a sentence for each baseline."""
+    from analysis.report.words import compared
+
+    parts = []
+    sides = list(found.groupby("robots", sort=False))
+    against = " against the same opponents" if len(sides) > 1 else ""
+    for robots, of in sides:
+        header = [str(robots), "won [95 %]", "lost", "time out", "champions ahead by"]
+        parts.append(f"Shares of {of['games'].iloc[0]} fresh games, the same of all{against}:")
+        parts.append(text_table(header, [_cells(row) for row in of.to_dict("records")]))
+        for row in of[of["chosen"] & (of["kind"] != "champions")].to_dict("records"):
+            over = (row["over"], row["over_low"], row["over_high"])
+            parts.append(f"The champions win {compared(over)} {_called(row)}.")
+        parts.append("")
+    return "\n".join(parts).rstrip()
+
+
+def _cells(row: Mapping[Any, Any]) -> list[str]:
+    over = (
+        ""
+        if row["kind"] == "champions"
+        else "{:+.3f} [{:+.3f}, {:+.3f}]".format(row["over"], row["over_low"], row["over_high"])
+    )
+    name = f"random search ({row['name']})" if row["kind"] == "random search" else row["name"]
+    return [
+        name + (" *" if row["kind"] == "hand-typed" and row["chosen"] else ""),
+        f"{row['share']:.3f} [{row['low']:.3f}, {row['high']:.3f}]",
+        f"{row['lost']:.3f}",
+        f"{row['time_out']:.3f}",
+        over,
+    ]
+
+
+def _called(row: Mapping[Any, Any]) -> str:
+    trees = f" ({row['trees']})" if row["trees"] else ""
+    called = {
+        "single skills": f"the best team of single skills{trees}",
+        "small trees": f"the best team of small trees{trees}",
+        "hand-typed": f"the best hand-typed team (*, {row['name']})",
+        "random search": f"the champions of random search ({row['name']})",
+    }
+    return called[row["kind"]]
+
+
+def _several(summary: pd.DataFrame) -> str:
+    """Return what runs came to: the interval is over runs."""
+    from analysis.report.words import compared
+
+    rows = [
+        [
+            f"{row['robots']}: {row['kind']}",
+            str(row["runs"]),
+            f"{row['champions']:.3f}",
+            f"{row['share']:.3f}",
+            f"{row['over']:+.3f} [{row['low']:+.3f}, {row['high']:+.3f}]",
+            f"{row['better']} of {row['runs']}",
+        ]
+        for row in summary.to_dict("records")
+    ]
+    header = ["baseline", "runs", "champions", "baseline", "ahead by, over runs", "ahead in"]
+    lines = ["Mean shares of fresh games won", text_table(header, rows)]
+    lines += [
+        f"{row['robots']}: champions win {compared((row['over'], row['low'], row['high']))} {row['kind']},"
+        f" in {row['better']} of {row['runs']} runs."
+        for row in summary.to_dict("records")
+    ]
+    return "\n".join(lines)

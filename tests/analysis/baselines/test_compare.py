@@ -1,0 +1,185 @@
+"""Champions beside their baselines: the same fresh games for all, kept in the run folder."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.baselines import over_runs, read_hand_typed, shipped_hand_typed, table
+from analysis.baselines.compare import KINDS
+from coevo.contest import champions, line_up, single_skills
+from coevo.errors import InputError
+from coevo.evolution.evaluation import Evaluator
+from coevo.run import create_run, open_run
+from coevo.seeds import RunStream, game_seeds
+from coevo.statistics import paired_difference
+
+HAND = """
+[[teams]]
+name = "mine"
+r0 = "search"
+r1 = "IF_ball_is_lost(search, shoot)"
+
+[[teams]]
+name = "theirs"
+r2 = "shoot"
+"""
+FEW = {"games": 30, "search_games": 300}
+
+
+@pytest.fixture(scope="module")
+def runs(small_settings, go_on, tmp_path_factory):
+    """Return a run of two skills, of which there are few small trees, and one of random search: any other here."""
+    folder = tmp_path_factory.mktemp("baselines")
+    (folder / "teams.toml").write_text(HAND, encoding="utf-8")
+    two = ("skills.pass=", "skills.avoid=")
+    return tuple(
+        go_on(create_run(folder / name, small_settings(*two, f"seed={seed}")))
+        for seed, name in enumerate(("run", "random"))
+    )
+
+
+@pytest.fixture(scope="module")
+def found(runs):
+    run, random = runs
+    hand = read_hand_typed(run.game, run.path.parent / "teams.toml")
+    with Evaluator(run.config, workers=2, backend="threads") as evaluator:
+        return table(run, evaluator, **FEW, hand=hand, random=random)
+
+
+def won(run, programs, opponents, team):
+    """Return whether a team wins, game by game: starts are dealt to the opponents in turn."""
+    seeds = game_seeds(run.config.seed, RunStream.ANSWERED, 0, count=30)
+    return np.array(
+        [
+            run.game.play(line_up(run.game, programs, opponents[k % 2]), seeds[k : k + 1]).winner[0] == team
+            for k in range(30)
+        ]
+    )
+
+
+@pytest.mark.parametrize("team", [0, 1])
+def test_shares_are_those_of_single_games_against_both_runs_champions(team, found, runs):
+    run, _ = runs
+    last, drawn = (champions(one, one.finished - 1) for one in runs)
+    opponents = [last[1 - team], drawn[1 - team]]
+    rows = found[found["team"] == team].set_index("kind")
+    own = won(run, last[team], opponents, team)
+    other = won(run, drawn[team], opponents, team)
+    assert rows.loc["champions", "share"] == own.mean()
+    assert rows.loc["random search", "share"] == other.mean()
+    assert tuple(rows.loc["random search", ["over", "over_low", "over_high"]]) == paired_difference(own, other)
+    assert np.isnan(rows.loc["champions", "over"])
+    skills = dict(part.split(": ") for part in rows.loc["single skills", "trees"].split("; "))
+    names = {run.number_of(robot): skill for robot, skill in skills.items()}
+    best = next(part for named, part in single_skills(run.game, team) if named == names)
+    assert rows.loc["single skills", "share"] == won(run, best, opponents, team).mean()
+
+
+def test_each_side_has_its_baselines_in_order(found):
+    for robots, of in found.groupby("robots", sort=False):
+        assert of["kind"].tolist() == list(KINDS), robots
+        assert of["chosen"].all()
+        assert ((of["share"] + of["lost"] + of["time_out"]).round(9) == 1.0).all()
+    assert found["name"].tolist()[3] == "mine"
+    assert found["robots"].unique().tolist() == ["r0, r1", "r2"]
+
+
+def test_what_was_found_is_kept_and_workers_change_nothing(found, runs, tmp_path):
+    run, random = runs
+    hand = read_hand_typed(run.game, run.path.parent / "teams.toml")
+    pd.testing.assert_frame_equal(table(open_run(run.path), None, **FEW, hand=hand, random=random), found)
+    fresh = open_run(shutil.copytree(run.path, tmp_path / "run", ignore=shutil.ignore_patterns("results")))
+    with Evaluator(run.config, workers=1, backend="threads") as evaluator:
+        again = table(fresh, evaluator, **FEW, hand=hand, random=random)
+    pd.testing.assert_frame_equal(again.drop(columns="run"), found.drop(columns="run"))
+    for path in (run.path / "results").iterdir():
+        assert path.read_bytes() == (fresh.path / "results" / path.name).read_bytes()
+
+
+def test_over_runs_a_run_counts_once_whatever_its_games():
+    rows = [
+        ("r0", kind, chosen, share, over)
+        for over in (0.1, 0.2, -0.1, 0.2)
+        for kind, chosen, share in (
+            ("champions", True, 0.5),
+            ("small trees", True, 0.5 - over),
+            ("hand-typed", False, 0.0),
+        )
+    ]
+    tables = pd.DataFrame(rows, columns=["robots", "kind", "chosen", "share", "over"])
+    (row,) = over_runs(tables).to_dict("records")
+    assert (row["kind"], row["runs"], row["better"]) == ("small trees", 4, 3)
+    assert row["over"] == pytest.approx(0.1)
+    assert row["champions"] == pytest.approx(0.5)
+    assert row["low"] < 0.1 < row["high"]
+
+
+def test_the_shipped_teams_that_a_game_has_place_for(small_run):
+    found = shipped_hand_typed(small_run.game)
+    assert {one.team for one in found} == {0, 1}
+    assert all(set(one.trees) == ({0, 1} if one.team == 0 else {2}) for one in found)
+    assert len({(one.team, one.name) for one in found}) == len(found) > 10
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"expected \[\[teams\]\] with name"),
+        ('[[team]]\nname = "x"', "got 'team' beside it"),
+        ('[[teams]]\nr2 = "shoot"', "team 1: expected name = what it is called, got None"),
+        ('[[teams]]\nname = "x"\nr2 = "shout"', "team 1, r2: tree: unknown name 'shout'.*Did you mean 'shoot'"),
+        ('[[teams]]\nname = "x"\nr2 = 3', "expected a tree for r2, as text; got 3"),
+        ('[[teams]]\nname = "x"\nr3 = "shoot"', "'r3' does not evolve here"),
+        ('[[teams]]\nname = "x"\nr0 = "shoot"', r"each robot of one team \(r0, r1 or r2\), got trees for r0"),
+        ('[[teams]]\nname = "x"\nr2 = "shoot"\n[[teams]]\nname = "x"\nr2 = "pass"', "got 'x' twice"),
+        ("teams = 3", "once or more"),
+        ("[[teams]", "is not valid TOML"),
+    ],
+)
+def test_a_list_of_teams_that_is_wrong_is_told(text, message, small_run, tmp_path):
+    (tmp_path / "teams.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        read_hand_typed(small_run.game, tmp_path / "teams.toml")
+
+
+def test_the_command_tells_one_run_and_several(coevo, runs, tmp_path):
+    run, random = runs
+    few = ("--games", 30, "--search-games", 300, "--quiet")
+    one = coevo("baselines", run.path, *few, "--hand", run.path.parent / "teams.toml", "--random", random.path)
+    assert (one.code, one.err) == (0, "")
+    assert "Shares of 30 fresh games" in one.out
+    assert one.out.count("The champions win") == 8
+    out = tmp_path / "all.csv"
+    several = coevo("baselines", run.path, random.path, *few, "--team", 1, "--json", "--out", out)
+    data = json.loads(several.out)
+    assert {row["run"] for row in data["teams"]} == {str(run.path), str(random.path)}
+    assert {row["robots"] for row in data["over_runs"]} == {"r2"}
+    assert [row["runs"] for row in data["over_runs"]] == [2, 2, 2]
+    assert len(pd.read_csv(out)) == len(data["teams"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["absent"], "absent"),
+        (["RUN", "--team", 2], r"expected a team that evolves (0, 1), got 2"),
+        (["RUN", "--random", "LADDER"], "is about another game"),
+        (["RUN", "--random", "RUN", "--random", "OTHER"], "expected --random once for each of 1 runs"),
+        (["RUN", "--hand", "absent.toml"], "cannot read absent.toml"),
+        (["RUN", "--out", "table.svg"], "expected a file ending in .csv"),
+        ([], "Missing argument"),
+    ],
+)
+def test_wrong_input_is_told_and_nothing_is_played(arguments, message, coevo, copied_run, runs, ladder_run):
+    folders = {"RUN": copied_run, "OTHER": runs[1].path, "LADDER": ladder_run.path}
+    shutil.rmtree(copied_run / "results", ignore_errors=True)
+    said = coevo("baselines", *(folders.get(word, word) for word in arguments))
+    assert (said.code, said.out) == (2, "")
+    assert message in said.err
+    assert "Traceback" not in said.err
+    assert not (copied_run / "results").exists()

@@ -115,9 +115,13 @@ def _check_file_kind(wanted: str, data: Mapping[str, Any], source: str) -> None:
 def _name_key(kind: type[_S], data: Mapping[str, Any], path: str, message: str) -> str:
     """Return the path with the key that msgspec does not tell: the first that alone gives the same message."""
     table, _, rest = path.partition(".*")
-    for key, value in data[table].items():
+    for key, value in _look_up(data, table).items():
+        alone: Any = {key: value}
+        folders = table.split(".")
+        for depth in range(len(folders) - 1, -1, -1):
+            alone = {**_look_up(data, ".".join(folders[:depth])), folders[depth]: alone}
         try:
-            msgspec.convert({**data, table: {key: value}}, kind)
+            msgspec.convert(alone, kind)
         except msgspec.ValidationError as error:
             if str(error) == message:
                 return f"{table}.{key}{rest}"
@@ -173,7 +177,7 @@ def _arguments(kind: Any) -> list[Any]:
 
 
 def _look_up(data: Any, path: str) -> Any:
-    for part in path.split("."):
+    for part in path.split(".") if path else []:
         if isinstance(data, Mapping):
             data = data.get(part)
         elif isinstance(data, list | tuple) and part.isdigit() and int(part) < len(data):

@@ -113,6 +113,7 @@ def small_search():
     return read_experiment("smoke", changes)
 
 
+@pytest.mark.slow
 def test_a_search_finds_teams_that_can_be_measured_and_are_what_they_are_called(small_search):
     game, budget = make_game(small_search), Budget(search_games=100, fresh_games=10, rounds=2)
     with Evaluator(small_search, workers=2, backend="threads") as evaluator:

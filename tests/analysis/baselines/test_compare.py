@@ -33,13 +33,13 @@ FEW = {"games": 30, "search_games": 300}
 
 @pytest.fixture(scope="module")
 def runs(small_settings, go_on, tmp_path_factory):
-    """Return a run of two skills, of which there are few small trees, and one of random search: any other here."""
+    """Return a run of two skills, of which there are few small trees, and one of random search."""
     folder = tmp_path_factory.mktemp("baselines")
     (folder / "teams.toml").write_text(HAND, encoding="utf-8")
     two = ("skills.pass=", "skills.avoid=")
     return tuple(
-        go_on(create_run(folder / name, small_settings(*two, f"seed={seed}")))
-        for seed, name in enumerate(("run", "random"))
+        go_on(create_run(folder / name, small_settings(*two, f"gp.variation={variation}")))
+        for name, variation in (("run", "genetic"), ("random", "random"))
     )
 
 

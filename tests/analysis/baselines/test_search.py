@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.baselines import (
+    Answer,
     behaviour,
     best_answer,
     best_answers,
@@ -160,6 +161,18 @@ def test_best_answers_stop_where_neither_can_do_better(known):
         rounds = best_answers(world.game, evaluator, 8, games=400, seed=1, fresh=100, begin={0: {0: X}, 1: {1: X}})
     assert [(one.team, one.moved) for one in rounds] == [(0, True), (1, False), (0, False)]
     assert behaviour(rounds[0].standing[0], world.game.function_set(0)) == "y"
+
+
+def test_an_answer_that_is_no_better_does_not_take_a_place(known, monkeypatch):
+    winners = np.zeros((2, 2, 2, 2), int)
+    winners[:, :, 1] = 1  # y loses for team 0
+    world = known(winners, (0, 1))
+    monkeypatch.setattr("analysis.baselines.rounds.best_answer", lambda *_, **__: Answer(0, {0: Y}, 1.0, 0))
+    with world.evaluator() as evaluator:
+        (one,) = best_answers(world.game, evaluator, 1, games=10, seed=1, fresh=50, begin={0: {0: X}, 1: {1: X}})
+    assert (one.gain[0], one.moved) == (-1.0, False)
+    assert one.previous == {0: X}
+    assert one.standing == {0: X, 1: X}
 
 
 def test_robots_of_one_team_answer_each_other(known):

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.baselines import behaviour, distinct, neighbours, small_trees
-from coevo.game.soccer import function_set
+from coevo.game.functions import function_set
 from coevo.tree import FunctionSet, Tree, parse, simplify
 
 ROLE = function_set(0, 2)

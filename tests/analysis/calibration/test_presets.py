@@ -19,7 +19,7 @@ from coevo.seeds import RunStream, game_seeds
 SH = "IF_ball_is_lost(search, shoot)"
 FOUND = {
     "rounds": [
-        {"team": 0, "before": {"r0": "pass", "r1": "shoot"}, "after": {"r0": SH, "r1": SH}, "met": {"r2": "search"}},
+        {"team": 0, "before": {"r0": "search", "r1": "search"}, "after": {"r0": SH, "r1": SH}, "met": {"r2": "search"}},
         {"team": 1, "before": {"r2": "search"}, "after": {"r2": SH}, "met": {"r0": SH, "r1": SH}},
     ],
     "sides": [
@@ -38,7 +38,13 @@ FOUND = {
 
 @pytest.fixture(scope="module")
 def settings(small_settings):
-    return small_settings("game.time_limit_steps=200")
+    """Return a game in which r0 shoots from near, and r2 is far away."""
+    return small_settings(
+        "game.time_limit_steps=150",
+        "game.ball_start={x_m=[6.6,7.0],y_m=[2.0,2.6]}",
+        "players.0.start={x_m=[5.7,6.1],y_m=[2.0,2.6],facing='ball'}",
+        "players.2.start={x_m=[1.0,1.5],y_m=[2.0,2.6],facing='ball'}",
+    )
 
 
 @pytest.fixture(scope="module")
@@ -88,9 +94,9 @@ def test_decided_games_are_those_of_what_stood_after_each_round(measured, settin
         games.append(after if better else before)
     won = games[0].won.sum() + games[1].lost.sum()
     lost = games[0].lost.sum() + games[1].won.sum()
-    assert measured.loc[("rounds that moved", ""), "value"] == moved
+    assert measured.loc[("rounds that moved", ""), "value"] == moved == 1
     assert measured.loc[("share of decided games", "r0, r1"), "value"] == won / (won + lost)
-    assert measured.loc[("time-outs", ""), "value"] == 1.0 - (won + lost) / 120
+    assert measured.loc[("time-outs", ""), "value"] == (120 - won - lost) / 120
 
 
 def test_what_holds_lies_within_what_is_wanted(measured):
@@ -107,6 +113,7 @@ def small_search():
     return read_experiment("smoke", changes)
 
 
+@pytest.mark.slow
 def test_a_search_finds_teams_that_can_be_measured_and_are_what_they_are_called(small_search):
     game, budget = make_game(small_search), Budget(search_games=100, fresh_games=10, rounds=2)
     with Evaluator(small_search, workers=2, backend="threads") as evaluator:

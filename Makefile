@@ -49,8 +49,8 @@ docs-check: $(READY) ## check every command of the documentation, and run those 
 hooks: $(READY) ## let git check style, types, imports and documentation before each commit
 	@$(BIN)/pre-commit install
 
-skills: $(READY) ## learn the installed skills anew from their recipes, and measure them (about 10 minutes)
-	@for skill in shoot pass avoid search; do \
+skills: $(READY) ## learn the installed skills anew from their recipes, and measure them (about 20 minutes)
+	@for skill in shoot pass avoid search shoot-in-view pass-in-view home defend; do \
 		$(BIN)/coevo learn $$skill --out behaviors/pretrained/$$skill || exit 1; \
 	done
 

@@ -78,7 +78,7 @@ def _of_generation(run: Run, evaluator: Evaluator, generation: int, repeats: int
     outcomes = evaluator.play(matches)
     found = []
     for record in records:
-        played = [next(outcomes) for _ in range(repeats * config.evaluation.partners)]
+        played = [next(outcomes) for _ in range(repeats * config.evaluation.rounds)]
         sums = {
             name: np.array([one.counts[name][:, record.role].sum() for one in played], np.int64) for name in game.counts
         }

@@ -232,7 +232,8 @@ def _summarise(run: Run, seconds: float, judged: Sequence[Judged], *, as_json: b
 
 def _champion_table(run: Run, robots: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the last champions, and what their numbers are worth."""
-    settings, again = run.config, run.config.evaluation.champion_games
+    settings = run.config
+    again = settings.evaluation.champion_blocks * settings.evaluation.games
     shown = ["goals", "lost"] if {"goals", "lost"} <= set(run.game.counts) else list(run.game.counts)[:4]
     judged = ["judged again"] if again else []
     rows = [

@@ -143,27 +143,29 @@ class EvaluationSettings(Settings, frozen=True, kw_only=True):
     games: Annotated[int, Meta(ge=1, le=100_000)] = 20  # [T] that count for each individual of a generation
     # [T] random: each individual plays in one group a generation. docs/how-to/grouping.md says what the others do.
     grouping: Literal["random", "partners", "best", "hall-of-fame"] = "random"
-    partners: Annotated[int, Meta(ge=1, le=1000)] = 1  # rounds of new partners, into which the games are divided
+    # At most, in rounds into which the games are divided: fewer where so many do not divide them.
+    partners: Annotated[int, Meta(ge=1, le=1000)] = 1
     starts: Literal["own", "common"] = "own"  # common: all groups of a round begin their games alike
     hall_share: Share = 0.5  # of the rounds, played against champions of earlier generations; with hall-of-fame
-    champion_games: Annotated[int, Meta(ge=0, le=1_000_000)] = 0  # that choose the last champions once more; 0: none
+    # At least so many games choose the last champions once more, in blocks of ``games``; 0: none.
+    champion_games: Annotated[int, Meta(ge=0, le=1_000_000)] = 0
 
-    def __post_init__(self) -> None:
-        if self.grouping == "random" and self.partners > 1:
-            raise ValueError(
-                f'grouping = "random" has one partner a generation, got partners = {self.partners};'
-                ' choose grouping = "partners"'
-            )
-        if self.games % self.partners:
-            raise ValueError(f"partners must divide games {self.games}, got {self.partners}")
-        rounds = self.hall_share * self.partners
-        if self.grouping == "hall-of-fame" and not math.isclose(rounds, round(rounds), abs_tol=1e-9):
-            raise ValueError(
-                f"hall_share of {self.partners} partners must be a whole number of rounds, got {self.hall_share:g};"
-                " choose an even number of partners, or another hall_share"
-            )
-        if self.champion_games % self.games:
-            raise ValueError(f"champion_games must be a multiple of games {self.games}, got {self.champion_games}")
+    @property
+    def rounds(self) -> int:
+        """Into how many rounds the games are divided: as many as there may be partners, if they divide the games."""
+        if self.grouping == "random":
+            return 1
+        return next(rounds for rounds in range(min(self.partners, self.games), 0, -1) if self.games % rounds == 0)
+
+    @property
+    def hall_rounds(self) -> int:
+        """How many of the rounds are played against champions of earlier generations, rounded half up."""
+        return math.floor(self.hall_share * self.rounds + 0.5) if self.grouping == "hall-of-fame" else 0
+
+    @property
+    def champion_blocks(self) -> int:
+        """How many times ``games`` choose the last champions once more, rounded up; 0 for none."""
+        return -(-self.champion_games // self.games)
 
 
 class EvolutionSettings(FileSettings, frozen=True, kw_only=True):

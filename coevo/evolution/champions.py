@@ -75,13 +75,13 @@ def judge_again(run: Run, evaluator: Evaluator, tell: Callable[[str], None]) -> 
         tell: receives a line before.
     """
     game, settings = run.game, run.config
-    games, block = settings.evaluation.champion_games, settings.evaluation.games
+    blocks = settings.evaluation.champion_blocks
+    games = blocks * settings.evaluation.games
     tell(f"Choosing the last champions once more, by {games} games ...")
     scorer = Scorer(settings, game.counts, run.folders)
     teams = sorted({game.roles[role].team for role in run.evolving})
     roles = {team: [role for role in run.evolving if game.roles[role].team == team] for team in teams}
     ranked = {role: _ranked(run, role, scorer) for role in run.evolving}
-    blocks = games // block
     first = max(1, blocks // _FIRST_SHARE)
     rows = {}
     for team in teams:

@@ -4,7 +4,7 @@ A grouping turns the settings and the number of a generation into the groups of 
 what happened before, since a guest is named by its generation, as the best of its role there. So the groups of any
 generation can be worked out again from a run folder's settings alone.
 
-However they are grouped, each individual is once in each of ``evaluation.partners`` rounds, and the games of these
+However they are grouped, each individual is once in each of ``evaluation.rounds`` rounds, and the games of these
 groups, ``evaluation.games`` together, count for it.
 """
 
@@ -110,7 +110,7 @@ def games_of_run(settings: EvolutionSettings, roles: Sequence[Role], generations
         sum(map(len, _rounds(settings.evaluation, roles, generation))) for generation in range(min(generations, 2))
     ]
     groups = sum(units[:1]) + sum(units[1:]) * (generations - 1)
-    return groups * settings.gp.population * (settings.evaluation.games // settings.evaluation.partners)
+    return groups * settings.gp.population * (settings.evaluation.games // settings.evaluation.rounds)
 
 
 def line_ups(
@@ -149,12 +149,12 @@ def _rounds(evaluation: EvaluationSettings, roles: Sequence[Role], generation: i
     together: _Units = [evolving]
     by_team: _Units = [[role for role in evolving if teams[role] == team] for team in sorted(set(teams.values()))]
     alone: _Units = [[role] for role in evolving]
-    rounds = evaluation.partners
+    rounds = evaluation.rounds
     if generation == 0 or evaluation.grouping in ("random", "partners"):
         return [together] * rounds
     if evaluation.grouping == "best":
         return [alone] * rounds
-    hall = round(evaluation.hall_share * rounds)
+    hall = evaluation.hall_rounds
     return [together] * (rounds - hall) + [by_team] * hall
 
 
@@ -195,4 +195,4 @@ _Part = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_], NDArray[n
 
 def _joined(parts: Sequence[_Part], evaluation: EvaluationSettings) -> Groups:
     members, guests, counts, starts = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return Groups(members, guests, counts, starts, evaluation.games // evaluation.partners)
+    return Groups(members, guests, counts, starts, evaluation.games // evaluation.rounds)

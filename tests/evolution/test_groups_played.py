@@ -71,7 +71,7 @@ def test_counts_are_the_sums_of_single_games_played_again_alone(run):
         groups = groups_of(run.config, run.game.roles, generation)
         programs = programs_of(run.game, group_trees(run, generation, group))
         seeds = seeds_of_group(run, generation, group)
-        assert len(seeds) == run.config.evaluation.games // run.config.evaluation.partners
+        assert len(seeds) == run.config.evaluation.games // run.config.evaluation.rounds
         for seed in reversed(seeds):
             counts = run.game.played(arena.play(programs, np.array([seed]))).counts
             for role in np.flatnonzero(groups.counts[group]):
@@ -88,7 +88,7 @@ def test_fitness_is_that_of_the_sums_and_the_mean_of_the_rounds(run):
     table, games = run.individuals, run.config.evaluation.games
     expected = fixed(*(table[name].to_numpy() for name in FITNESS_OF), t_max=games)
     assert table["fitness"].to_numpy() == pytest.approx(expected, rel=1e-13)
-    if run.config.evaluation.partners == 1:
+    if run.config.evaluation.rounds == 1:
         assert "rounds" not in table
         return
     rounds = np.array(table["rounds"].tolist())

@@ -9,10 +9,13 @@ LOCKED := .venv/.locked
 READY := .venv/.ready
 PIP := $(BIN)/python -m pip install -qq --disable-pip-version-check
 PACKAGES := coevo behaviors analysis
+# A process for each core. Each begins with a stretch of the tests as they are ordered, so that what tests of a file share
+# is made once; who has finished takes from the others. `-n 0` in ARGS: in one process, as for a debugger.
+PARALLEL := -n auto --dist worksteal
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help evolve test env lint format types imports wheel-check docs-check hooks skills bench browser screenshots lock clean
+.PHONY: help evolve test coverage env lint format types imports wheel-check docs-check hooks skills bench browser screenshots lock clean
 
 help: ## show this list
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12]'
@@ -21,8 +24,11 @@ help: ## show this list
 evolve: $(READY) ## co-evolve three robots that play soccer: make evolve ARGS="--seed 3"
 	@$(BIN)/coevo evolve three-learners $(ARGS)
 
-test: $(READY) ## run the tests: make test ARGS="-m 'not slow'"
-	@$(BIN)/python -m pytest $(ARGS)
+test: $(READY) ## run the tests on all cores: make test ARGS="-m 'not slow'"
+	@$(BIN)/python -m pytest $(PARALLEL) $(ARGS)
+
+coverage: $(READY) ## run the tests, and tell what they do not reach
+	@$(BIN)/python -m pytest $(PARALLEL) --cov $(ARGS)
 
 env: $(READY) ## make the environment, if it is not there or out of date
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from coevo.config import EvolutionSettings, check_experiment, read_toml, to_toml
 from coevo.environment import environment
 from coevo.errors import InputError
-from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, write_whole
+from coevo.files import DamagedFileError, digest_of, lock, pack_arrays, read_arrays, write_whole
 from coevo.game import Game, make_game, own_references, terminals_of
 from coevo.plugins import own_file, search_folders
 from coevo.records import Checkpoint, GenerationRecord, columns, individuals_table, read_record, table_lines
@@ -312,18 +312,13 @@ class Run:
 
     def lock(self) -> Callable[[], None]:
         """Keep other processes from writing into this run; return what lets go of it."""
-        try:
-            import fcntl
-        except ImportError:  # no such locks on this system
-            return lambda: None
         with _writing(self.path):
-            file = (self.path / ".lock").open("w")
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            file.close()
-            raise InputError(f"{self.path} is being written by another coevo process; wait for it or stop it") from None
-        return file.close
+            try:
+                return lock(self.path / ".lock")
+            except BlockingIOError:
+                raise InputError(
+                    f"{self.path} is being written by another coevo process; wait for it or stop it"
+                ) from None
 
 
 def create_run(path: Path, settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Run:

@@ -12,6 +12,7 @@ from coevo.cli.evolving import evolve, resume
 from coevo.cli.plugins import PluggedGroup
 from coevo.cli.reproducing import reproduce
 from coevo.cli.showing import inspect, play
+from coevo.cli.studying import study
 from coevo.errors import InputError
 
 __all__ = ["main"]
@@ -35,7 +36,7 @@ def _cli() -> None:
     """
 
 
-for _command in (evolve, resume, inspect, play, bench, reproduce):
+for _command in (evolve, resume, study, inspect, play, bench, reproduce):
     _cli.add_command(_command)
 
 

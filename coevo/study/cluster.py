@@ -91,7 +91,7 @@ def on_cluster(client: Client, tasks: Sequence[Task]) -> Iterator[Done]:
 
     futures = {client.submit(do, task, pure=False, retries=RETRIES): task for task in tasks}
     try:
-        for future in as_completed(list(futures)):
+        for future in as_completed(list(futures), loop=client.loop):
             error = future.exception() if not future.cancelled() else None
             if future.cancelled():
                 yield Done(futures[future].name, None, "the scheduler gave it up: it was stopped, or lost", 0.0)

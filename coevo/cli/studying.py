@@ -87,6 +87,7 @@ def study(
             try:
                 failed = _collect(folder, rows, ended, quiet=quiet)
             except KeyboardInterrupt:
+                folder.leave()
                 note(f"Stopped; {len(rows)} of {len(plan.runs)} runs are done, and what others have done is saved.")
                 note("Go on with the same command.")
                 raise
@@ -144,7 +145,8 @@ def _show(
     *,
     as_json: bool,
 ) -> None:
-    failures = [f"{name}: {reason}" for name, reason in failed.items()]
+    in_order = {run.name: failed[run.name] for run in folder.plan.runs if run.name in failed}
+    failures = [f"{name}: {reason}" for name, reason in in_order.items()]
     if as_json:
         emit(
             {
@@ -152,7 +154,7 @@ def _show(
                 "runs": len(folder.plan.runs),
                 "skipped": skipped,
                 "failed": len(failed),
-                "failures": [{"run": name, "reason": reason} for name, reason in failed.items()],
+                "failures": [{"run": name, "reason": reason} for name, reason in in_order.items()],
                 "table": str(folder.table),
             }
         )
@@ -166,7 +168,7 @@ def _show(
 
 
 def _summary(plan: Plan, rows: Mapping[str, Mapping[str, Cell]]) -> str:
-    """Return the columns that people look at first, a line a condition."""
+    """Return the columns that people look at first, all of them shares, a line a condition."""
     from coevo.statistics import mean_interval
     from coevo.study.kinds import kind_named
 
@@ -181,7 +183,7 @@ def _summary(plan: Plan, rows: Mapping[str, Mapping[str, Cell]]) -> str:
             values = [float(row[column]) for row in found if column in row]
             if len(values) > 1:
                 mean, low, high = mean_interval(values)
-                cells.append(f"{mean:.3f} [{low:.3f}, {high:.3f}]")
+                cells.append(f"{mean:.3f} [{max(low, 0.0):.3f}, {min(high, 1.0):.3f}]")
             else:
                 cells.append(f"{values[0]:.3f}" if values else "")
         lines.append(cells)

@@ -51,9 +51,11 @@ def connected(address: str, workers: int, *, quiet: bool) -> Iterator[Client]:
     """
     import dask
     from distributed import Client, LocalCluster
+    from distributed.comm import get_address_host_port
 
     with ExitStack() as stack:
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for name in [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]:
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what it says is told by what becomes of the runs
         if address == LOCAL:
             stack.enter_context(one_thread_each())
             stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": _ALLOWED_FAILURES}))
@@ -68,6 +70,7 @@ def connected(address: str, workers: int, *, quiet: bool) -> Iterator[Client]:
             yield stack.enter_context(Client(cluster, set_as_default=False))
             return
         try:
+            get_address_host_port(address)  # a client that was made with nonsense complains when it ends
             client = stack.enter_context(Client(address, timeout=_REACH_S, set_as_default=False))
         except (OSError, ValueError, TypeError) as error:
             raise InputError(
@@ -94,7 +97,7 @@ def on_cluster(client: Client, tasks: Sequence[Task]) -> Iterator[Done]:
         for future in as_completed(list(futures), loop=client.loop):
             error = future.exception() if not future.cancelled() else None
             if future.cancelled():
-                yield Done(futures[future].name, None, "the scheduler gave it up: it was stopped, or lost", 0.0)
+                yield Done(futures[future].name, None, "the scheduler was stopped, or lost", 0.0)
             elif error is not None:
                 yield Done(futures[future].name, None, describe_failure(error), 0.0)
             else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -39,28 +39,30 @@ def on_cores(tasks: Sequence[Task], workers: int) -> Iterator[Done]:
     When a process dies, those runs that were under way are done again one at a time, so that it shows whose fault it
     was; a run whose process dies three times is given up.
     """
-    waiting, suspects = deque(tasks), deque[Task]()
+    waiting, suspects, failures = deque(tasks), deque[Task](), Counter[str]()
     with one_thread_each():
         while waiting:
-            suspects += yield from _pool(waiting, workers)
+            suspects += yield from _pool(waiting, workers, failures)
         while suspects:
             suspect = suspects.popleft()
             deaths = 1
-            while deaths < _DEATHS and (yield from _pool(deque([suspect]), 1)):
+            while deaths < _DEATHS and (yield from _pool(deque([suspect]), 1, failures)):
                 deaths += 1
             if deaths == _DEATHS:
                 reason = f"its process died {deaths} times: it was killed, or memory was short"
                 yield Done(suspect.name, None, reason, 0.0)
 
 
-def _pool(waiting: deque[Task], workers: int) -> Generator[Done, None, list[Task]]:
-    """Do the tasks that wait; if a process dies, stop, and return those that were under way."""
+def _pool(waiting: deque[Task], workers: int, failures: Counter[str]) -> Generator[Done, None, list[Task]]:
+    """Do the tasks that wait; if a process dies, stop, and return those that were under way.
+
+    ``failures`` counts how often each was tried again.
+    """
     from joblib.externals.loky import ProcessPoolExecutor  # noqa: PLC0415 - only who runs studies needs it
 
     size = min(workers, len(waiting))
     pool = ProcessPoolExecutor(max_workers=size, initializer=_leave_interrupts_to_the_parent)
     running: dict[Future[Done], Task] = {}
-    failures: dict[str, int] = {}
     try:
         while waiting or running:
             while waiting and len(running) < size:
@@ -72,8 +74,8 @@ def _pool(waiting: deque[Task], workers: int) -> Generator[Done, None, list[Task
                     yield future.result()
                 elif isinstance(error, BrokenProcessPool):
                     return [task, *running.values()]
-                elif failures.get(task.name, 0) < RETRIES:
-                    failures[task.name] = failures.get(task.name, 0) + 1
+                elif failures[task.name] < RETRIES:
+                    failures[task.name] += 1
                     waiting.append(task)
                 else:
                     yield Done(task.name, None, describe_failure(error), 0.0)

@@ -57,9 +57,13 @@ class StudyFolder:
         self.flag = path / f"{_FLAG}{secrets.token_hex(8)}"
         self.flag.touch()
 
-    def close(self) -> None:
-        """Tell workers to leave their runs, and let other processes in."""
+    def leave(self) -> None:
+        """Tell workers to leave their runs; all that is done is saved."""
         self.flag.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Leave all runs, and let other processes in."""
+        self.leave()
         self._release()
 
     @property

@@ -30,7 +30,7 @@ class StudyKind(Protocol):
 
     @property
     def headlines(self) -> tuple[str, ...]:
-        """How the names of those columns end that people look at first."""
+        """How the names of those columns end that people look at first; they are shares."""
 
     def recipes(self) -> Mapping[str, Path]:
         """Return the recipes that can be given by name."""

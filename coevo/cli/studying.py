@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from coevo.study.folder import StudyFolder
     from coevo.study.kinds import Cell
     from coevo.study.plan import Plan, PlannedRun
-    from coevo.study.task import Done, Task
+    from coevo.study.task import Done
 
 __all__ = ["study"]
 
@@ -59,6 +59,7 @@ def study(
     from coevo.study.cores import on_cores
     from coevo.study.folder import check_folder, open_study
     from coevo.study.plan import read_plan, study_name
+    from coevo.study.task import task_of
 
     if scheduler is not None:
         cluster.check_installed()
@@ -82,7 +83,7 @@ def study(
                 _prepare(waiting, quiet=quiet)
             if scheduler == cluster.LOCAL:
                 client = stack.enter_context(cluster.connected(scheduler, min(workers, len(waiting)), quiet=quiet))
-            tasks = [_task(folder, run) for run in waiting]
+            tasks = [task_of(folder, run) for run in waiting]
             ended = on_cores(tasks, workers) if client is None else cluster.on_cluster(client, tasks)
             try:
                 failed = _collect(folder, rows, ended, quiet=quiet)
@@ -102,13 +103,6 @@ def _prepare(runs: Sequence[PlannedRun], *, quiet: bool) -> None:
 
     for kind, run in {run.condition.kind: run for run in runs}.items():
         kind_named(kind).warm_up(run.settings, lambda text: note(text, quiet=quiet))
-
-
-def _task(folder: StudyFolder, run: PlannedRun) -> Task:
-    from coevo.study.task import Task
-
-    settings = {**run.condition.data, "seed": run.seed}
-    return Task(run.name, str(folder.path.absolute()), str(folder.flag.absolute()), run.condition.kind, settings)
 
 
 def _collect(

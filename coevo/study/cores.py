@@ -68,17 +68,20 @@ def _pool(waiting: deque[Task], workers: int, failures: Counter[str]) -> Generat
             while waiting and len(running) < size:
                 task = waiting.popleft()
                 running[pool.submit(do, task)] = task
+            dead: list[Task] = []
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 task, error = running.pop(future), future.exception()
                 if error is None:
                     yield future.result()
                 elif isinstance(error, BrokenProcessPool):
-                    return [task, *running.values()]
+                    dead.append(task)
                 elif failures[task.name] < RETRIES:
                     failures[task.name] += 1
                     waiting.append(task)
                 else:
                     yield Done(task.name, None, describe_failure(error), 0.0)
+            if dead:
+                return [*dead, *running.values()]
         return []
     finally:
         pool.shutdown(wait=True, kill_workers=bool(running))

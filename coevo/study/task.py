@@ -13,16 +13,16 @@ from typing import Any, NamedTuple
 from coevo.errors import InputError
 from coevo.files import lock, write_whole
 from coevo.plugins import search_folders
-from coevo.study.folder import ROW, STUDY, row_bytes
+from coevo.study.folder import ROW, STUDY, StudyFolder, row_bytes
 from coevo.study.kinds import Cell, kind_named
-from coevo.study.plan import RECIPES
+from coevo.study.plan import RECIPES, PlannedRun
 
-__all__ = ["RETRIES", "Done", "LeftError", "Task", "describe_failure", "do"]
+__all__ = ["RETRIES", "Done", "LeftError", "Task", "describe_failure", "do", "task_of"]
 
 RETRIES = 2  # of a run that failed, but not by what its user gave
 _PATIENCE_S = 600.0  # that a run which a lost worker still holds is waited for
 
-_one_at_a_time = threading.Lock()  # a worker may have several threads, but DEAP draws from Python's global generator
+_one_at_a_time = threading.Lock()  # a worker may have several threads, but they would only wait for each other
 _warm: set[str] = set()
 
 
@@ -50,6 +50,12 @@ class Done(NamedTuple):
     row: dict[str, Cell] | None
     failure: str
     seconds: float
+
+
+def task_of(study: StudyFolder, run: PlannedRun) -> Task:
+    """Return what a worker needs to know of a run."""
+    settings = {**run.condition.data, "seed": run.seed}
+    return Task(run.name, str(study.path.absolute()), str(study.flag.absolute()), run.condition.kind, settings)
 
 
 class LeftError(Exception):

@@ -15,13 +15,16 @@ from coevo.study import cluster, evolving
 FAILS = "def late(measures, *, generation, **_):\n    return [measures['goals']][generation]\n"
 
 
+@pytest.fixture(scope="module")
+def finished(finished_study):
+    """Return the folder of a finished study: only to be read."""
+    return finished_study()
+
+
 @pytest.fixture
-def done(coevo, study_file, tmp_path, here):
-    """Return the folder of a finished study."""
-    said = coevo("study", study_file(), "--out", tmp_path / "out", "--quiet")
-    assert said.code == 0, said.err
-    here.clear()
-    return tmp_path / "out"
+def done(finished, tmp_path):
+    """Return the folder of a copy of it."""
+    return shutil.copytree(finished, tmp_path / "out")
 
 
 def test_a_row_says_what_coevo_evolve_says_of_that_run(done, coevo, tmp_path, results_of):
@@ -117,6 +120,7 @@ def test_a_run_that_fails_is_named_while_the_others_finish(coevo, study_file, tm
     assert coevo("study", study, "--out", tmp_path / "out").code == 1  # they are tried again
 
 
+@pytest.mark.usefixtures("here")
 def test_a_run_of_other_settings_in_its_place_is_a_failure(done, coevo, study_file, small_run):
     shutil.rmtree(done / "smoke-fixed-seed0")
     shutil.copytree(small_run.path, done / "smoke-fixed-seed0")

@@ -26,7 +26,7 @@ LONGER = """
 @pytest.fixture
 def study(study_file, tmp_path):
     """Return a function that begins the study of this module in a process: ``study("out", "--workers", 2)``."""
-    path, begun = study_file(settings=LONGER), []
+    path, begun = study_file(settings=LONGER, vary=""), []
 
     def begin(name, *options):
         words = [sys.executable, "-c", PROGRAM, "study", path, "--out", tmp_path / name, *options]
@@ -43,13 +43,10 @@ def study(study_file, tmp_path):
             os.killpg(process.pid, signal.SIGKILL)
 
 
-@pytest.fixture
-def undisturbed(coevo, study_file, tmp_path, here):
-    """Return the bytes of the table of a study that nobody disturbed, one run after the other in this process."""
-    said = coevo("study", study_file(settings=LONGER), "--out", tmp_path / "undisturbed", "--quiet")
-    assert said.code == 0, said.err
-    assert len(here) == 4
-    return (tmp_path / "undisturbed" / "table.csv").read_bytes()
+@pytest.fixture(scope="module")
+def undisturbed(finished_study):
+    """Return the bytes of the table of that study if nobody disturbs it."""
+    return (finished_study(settings=LONGER, vary="") / "table.csv").read_bytes()
 
 
 def wait_for_generation(folder, process, number=4):
@@ -71,7 +68,7 @@ def kill_a_worker(process):
     return []
 
 
-@pytest.mark.parametrize("options", [("--workers", 2), ("--workers", 1), ("--workers", 2, "--scheduler", "local")])
+@pytest.mark.parametrize("options", [("--workers", 2), ("--workers", 2, "--scheduler", "local")])
 def test_a_worker_killed_in_the_middle_changes_nothing(options, study, undisturbed, tmp_path):
     process = study("out", *options)
     wait_for_generation(tmp_path / "out", process)

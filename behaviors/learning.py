@@ -30,7 +30,7 @@ from coevo.skill import ObjectModel, Skill, load_skill
 from coevo.skill.model import pack_models, unpack_models
 from coevo.stage import INFORMED, LEARNER, SKILL
 
-__all__ = ["Learning", "Measured", "evaluate", "learn", "succeeded", "watch"]
+__all__ = ["Learning", "Measured", "evaluate", "learn", "succeeded", "warm_up", "watch"]
 
 # What a skill is measured beside.
 Yardstick = Literal["random", "informed"]
@@ -290,6 +290,11 @@ def watch(
     if watched is None:
         raise no_start(recipe)
     return watched
+
+
+def warm_up(recipe: Recipe) -> None:
+    """Load the machine code of trials, or compile it."""
+    _scene(recipe, "random").run(game_seeds(recipe.seed, SkillStream.EVALUATION, count=0), total=0)
 
 
 def _check_looks(recipe: Recipe, skill: Skill) -> None:

@@ -27,7 +27,7 @@ from coevo.config import (
     override,
     read_toml,
 )
-from coevo.recipes import is_path, recipe_path
+from coevo.recipes import is_path, recipe_names, recipe_path
 
 __all__ = [
     "ActionSettings",
@@ -38,6 +38,7 @@ __all__ = [
     "Recipe",
     "installed_recipes",
     "is_recipe_of",
+    "named_recipes",
     "plain_recipe",
     "read_recipe",
     "recipe_digest",
@@ -253,6 +254,11 @@ def recipe_digest(recipe: Recipe) -> str:
 def installed_recipes() -> list[str]:
     """Return the names of the recipes that came with the installation."""
     return sorted(path.parent.name for path in _PRETRAINED.glob("*/recipe.toml"))
+
+
+def named_recipes() -> dict[str, Path]:
+    """Return the files of all recipes of skills that have a name, by that name."""
+    return {name: _path(name) for name in [*installed_recipes(), *recipe_names(file_kind(Recipe))]}
 
 
 def _path(source: str) -> Path:

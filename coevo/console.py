@@ -19,6 +19,7 @@ from coevo.errors import InputError
 
 __all__ = [
     "Progress",
+    "cores",
     "duration",
     "emit",
     "note",
@@ -38,7 +39,8 @@ def output_options(command: _F) -> _F:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(command)
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -54,7 +56,7 @@ def worker_options(command: _F) -> _F:
     return click.option(
         "--workers",
         type=click.IntRange(min=1),
-        default=_cores(),
+        default=cores(),
         show_default=True,
         help="How many games at a time.",
     )(command)

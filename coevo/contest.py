@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from coevo.config import EvolutionSettings
 from coevo.evolution.evaluation import Evaluator, Match
 from coevo.game import Game, teams_of
 from coevo.run import Run
@@ -18,7 +19,7 @@ from coevo.seeds import RunStream, game_seeds, generator
 from coevo.statistics import paired_difference, share_interval
 from coevo.tree import Program, compile_program, tree_codes
 
-__all__ = ["Judged", "LineUp", "champions", "evolving_teams", "judge", "line_up", "single_skills"]
+__all__ = ["Judged", "LineUp", "champions", "evolving_teams", "judge", "line_up", "single_skills", "unseen_games"]
 
 LineUp = Mapping[int, Program]
 """The programs of some roles, by the role's number."""
@@ -26,6 +27,12 @@ LineUp = Mapping[int, Program]
 _MOST_TEAMS = 64  # of single skills that are tried
 _LAST_ROUND = 4  # of them that are tried longer
 _LOT = 50  # games of one task of a worker
+
+
+def unseen_games(settings: EvolutionSettings) -> int:
+    """Return how many games judge a run unless somebody says otherwise: a twentieth of all its games, 40 to 400."""
+    gp = settings.gp
+    return min(400, max(40, gp.generations * gp.population * settings.evaluation.games // 20))
 
 
 def evolving_teams(game: Game) -> tuple[int, ...]:

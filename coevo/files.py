@@ -7,14 +7,14 @@ import io
 import os
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["DamagedFileError", "digest_of", "pack_arrays", "read_arrays", "write_whole"]
+__all__ = ["DamagedFileError", "digest_of", "lock", "pack_arrays", "read_arrays", "write_whole"]
 
 
 class DamagedFileError(Exception):
@@ -37,6 +37,28 @@ def write_whole(path: Path, data: bytes) -> None:
     except OSError:
         partial.unlink(missing_ok=True)
         raise
+
+
+def lock(path: Path) -> Callable[[], None]:
+    """Lock a file, which is made if it is not there, against other processes; return what lets go of it.
+
+    Raises:
+        BlockingIOError: another process holds it.
+        OSError: it cannot be written.
+    """
+    try:
+        import fcntl  # noqa: PLC0415 - not on every system
+    except ImportError:  # no such locks on this system
+        return lambda: None
+    file = path.open("w")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise
+    except OSError:  # a file system without locks
+        return file.close
+    return file.close
 
 
 def pack_arrays(arrays: Mapping[str, NDArray[Any]]) -> bytes:

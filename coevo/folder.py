@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.errors import InputError
-from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, write_whole
+from coevo.files import DamagedFileError, digest_of, lock, pack_arrays, read_arrays, write_whole
 
 __all__ = ["Folder", "save_whole", "writing"]
 
@@ -86,15 +86,10 @@ class Folder:
 
     def lock(self) -> Callable[[], None]:
         """Keep other processes from writing into this run; return what lets go of it."""
-        try:
-            import fcntl
-        except ImportError:  # no such locks on this system
-            return lambda: None
         with writing(self.path):
-            file = (self.path / ".lock").open("w")
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            file.close()
-            raise InputError(f"{self.path} is being written by another coevo process; wait for it or stop it") from None
-        return file.close
+            try:
+                return lock(self.path / ".lock")
+            except BlockingIOError:
+                raise InputError(
+                    f"{self.path} is being written by another coevo process; wait for it or stop it"
+                ) from None

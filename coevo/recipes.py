@@ -38,11 +38,11 @@ def _found() -> dict[str, Path]:
 
 
 def recipe_names(kind: str) -> list[str]:
-    """Return the names of all recipes of a kind: "evolution", "skill" or "schedule".
+    """Return the names of all recipes of a kind: "evolution", "skill", "schedule" or "study".
 
     Example:
         >>> from coevo.recipes import recipe_names
-        >>> recipe_names("evolution")
+        >>> [name for name in recipe_names("evolution") if "/" not in name]
         ['smoke', 'stationary-opponent', 'three-learners', 'two-learners']
     """
     return sorted(name for name, path in _found().items() if _kind_of(path) == kind)

@@ -8,9 +8,11 @@ run's seed and that of games outside the run may be equal: they are one root, so
 from __future__ import annotations
 
 import random
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import IntEnum, unique
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,7 @@ __all__ = [
     "game_seeds",
     "generator",
     "global_random",
+    "thread_random",
 ]
 
 
@@ -107,22 +110,42 @@ def generator(*key: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(list(key)))
 
 
+class _ThisThread(threading.local):
+    """What ``global_random`` has lent a thread."""
+
+    stream: random.Random | None = None
+
+
+class _ThreadRandom:
+    """What stands for Python's module ``random``: a thread draws from what it was lent, else from the module itself.
+
+    Python's global generator would not do: any thread may draw from it, such as those that keep a worker of a cluster
+    in touch with its scheduler.
+    """
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(_this_thread.stream or random, name)
+
+
+_this_thread = _ThisThread()
+thread_random = _ThreadRandom()
+
+
 @contextmanager
 def global_random(*key: int) -> Iterator[None]:
-    """Give DEAP, which draws from Python's global generator, a stream of its own, and put the old one back.
+    """Lend this thread a stream of its own in place of Python's global generator, wherever ``thread_random`` is used.
 
     Example:
-        >>> import random
-        >>> from coevo.seeds import RunStream, global_random
+        >>> from coevo.seeds import RunStream, global_random, thread_random
         >>> with global_random(1, RunStream.CREATION):
-        ...     one = random.random()
+        ...     one = thread_random.random()
         >>> with global_random(1, RunStream.CREATION):
-        ...     print(random.random() == one)
+        ...     print(thread_random.random() == one)
         True
     """
-    before = random.getstate()
-    random.seed(int(game_seed(*key)))
+    before = _this_thread.stream
+    _this_thread.stream = random.Random(int(game_seed(*key)))
     try:
         yield
     finally:
-        random.setstate(before)
+        _this_thread.stream = before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 
 import numpy as np
@@ -18,6 +19,7 @@ from coevo.seeds import (
     game_seeds,
     generator,
     global_random,
+    thread_random,
 )
 
 ROOTS = (0, 1, 7, 2**40 + 3)
@@ -102,14 +104,22 @@ def test_generators_of_a_key_repeat_and_those_of_another_differ():
     assert not set(one) & set(other)
 
 
-def test_deap_has_its_own_stream_and_the_rest_of_the_program_notices_nothing():
+def test_a_thread_has_a_stream_of_its_own_and_the_rest_of_the_program_notices_nothing():
+    def draw():
+        return thread_random.random()
+
     random.seed(5)
     before = random.getstate()
     with global_random(1, RunStream.CREATION, 0):
-        one = [random.random() for _ in range(5)]
-    assert random.getstate() == before
-    random.seed(6)
+        one = [thread_random.random() for _ in range(5)]
+        with ThreadPoolExecutor(1) as pool:  # another thread draws from Python's own generator
+            assert pool.submit(draw).result() == random.Random(5).random()
+    assert before != random.getstate()
+    state = random.getstate()
     with global_random(1, RunStream.CREATION, 0):
-        assert [random.random() for _ in range(5)] == one
-    with global_random(1, RunStream.CREATION, 1):
-        assert random.random() not in one
+        assert [thread_random.random() for _ in range(5)] == one
+        with global_random(1, RunStream.CREATION, 1):
+            assert thread_random.random() not in one
+        assert thread_random.random() not in one
+    assert random.getstate() == state
+    assert one == [random.Random(int(game_seed(1, RunStream.CREATION, 0))).random(), *one[1:]]

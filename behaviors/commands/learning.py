@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import shlex
-import time
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 import msgspec
 
-from coevo.console import Progress, emit, note, output_options, put_off_interrupt
+from coevo.console import Progress, emit, note, output_options
 from coevo.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +21,6 @@ __all__ = ["learn", "tell_compiling"]
 
 _GAMES = 1000  # starts that cards are measured on
 _FILMED = 5  # trials
-_SAVE_EVERY_S, _SAVE_SHARE = 3.0, 0.05  # seldom, and where a table is large, never for more than this share of the time
 
 
 @click.command()
@@ -76,8 +72,8 @@ def learn(
              coevo learn chapter3/shoot-avoiding
     """
     from behaviors.cards import make_card
+    from behaviors.learned import CHECKPOINT, write_learned, writing
     from behaviors.recipe import is_recipe_of, read_recipe
-    from coevo.config import to_toml
     from coevo.replay import check_video
     from coevo.seeds import StartsSeed
 
@@ -95,7 +91,7 @@ def learn(
     }
     recipe = msgspec.structs.replace(recipe, **changes)
     folder = out if out is not None else Path("runs") / "skills" / f"{recipe.name}-seed{recipe.seed}"
-    checkpoint = folder / "learning.npz"
+    checkpoint = folder / CHECKPOINT
     if resume and not checkpoint.exists() and (folder / "skill.npz").exists():
         card = _finished(folder, recipe)
         _film(folder, recipe, video)
@@ -112,18 +108,13 @@ def learn(
         skill = learning.skill()
         card = make_card(recipe, skill, games=games, seed=StartsSeed.CARDS)
     except KeyboardInterrupt:
-        with _writing(folder):
+        with writing(folder):
             learning.save(checkpoint)
         counted = None if games == _GAMES else games
         again = _again(source, seed=seed, trials=trials, drive=drive, out=out, games=counted, video=video)
         note(f"Stopped; {learning.done} of {recipe.trials} trials are saved. Go on with: {again}")
         raise
-    with _writing(folder):
-        skill.save(folder / "skill.npz")
-        if not is_recipe_of(source, folder):
-            (folder / "recipe.toml").write_text(to_toml(recipe), encoding="utf-8")
-        (folder / "card.json").write_bytes(msgspec.json.format(msgspec.json.encode(card), indent=2) + b"\n")
-        checkpoint.unlink(missing_ok=True)
+    write_learned(folder, skill, card, None if is_recipe_of(source, folder) else recipe)
     _film(folder, recipe, video)
     _show(folder, card, as_json=as_json, said=_written(f"Written: {folder}", video))
 
@@ -156,12 +147,10 @@ def _refuse(checkpoint: Path) -> None:
 
 def _finished(folder: Path, recipe: Recipe) -> dict[str, Any]:
     """Return the card of a learning that is finished, and therefore needs no going on."""
-    from behaviors.recipe import recipe_digest
-    from coevo.skill import load_skill, read_card
+    from behaviors.learned import card_of
 
-    path = folder / "skill.npz"
-    skill, card = load_skill(path), read_card(path)
-    if skill.about.get("recipe_digest") != recipe_digest(recipe) or card.get("digest") != skill.digest:
+    card = card_of(folder, recipe)
+    if card is None:
         raise InputError(
             f"{folder} holds another skill and no unfinished learning; leave out --resume to replace it, or choose"
             " another --out"
@@ -170,6 +159,7 @@ def _finished(folder: Path, recipe: Recipe) -> dict[str, Any]:
 
 
 def _begin(recipe: Recipe, checkpoint: Path, *, resume: bool, quiet: bool) -> Learning:
+    from behaviors.learned import writing
     from behaviors.learning import Learning
     from behaviors.lpm import PersistentExcitationWarning
 
@@ -185,30 +175,26 @@ def _begin(recipe: Recipe, checkpoint: Path, *, resume: bool, quiet: bool) -> Le
         learning = Learning(recipe, seed=recipe.seed, trials=recipe.trials)
     for warning in caught:
         note(f"Beware: {warning.message}")
-    with _writing(checkpoint.parent):
+    with writing(checkpoint.parent):
         checkpoint.unlink(missing_ok=True)
     return learning
 
 
 def _go_on(learning: Learning, recipe: Recipe, checkpoint: Path, *, quiet: bool) -> None:
     """Learn to the end, and write a checkpoint now and then."""
+    from behaviors.learned import go_on
+
     total = recipe.trials
-    saved, wait = time.perf_counter(), _SAVE_EVERY_S
     with Progress(total, done=learning.done, quiet=quiet) as progress:
-        while not learning.is_finished:
-            with put_off_interrupt():
-                share = learning.advance()
+
+        def report(share: float) -> None:
             done = learning.done
             if done == total or done % max(250, total // 20 // 250 * 250) == 0:
                 progress.step(
                     f"{recipe.name}: {done} of {total} trials, {share:.0%} of the last block succeeded", done=done
                 )
-            began = time.perf_counter()
-            if began - saved >= wait:
-                with _writing(checkpoint.parent):
-                    learning.save(checkpoint)
-                saved = time.perf_counter()
-                wait = max(_SAVE_EVERY_S, (saved - began) / _SAVE_SHARE)
+
+        go_on(learning, checkpoint, report)
 
 
 def _again(source: str, **options: object) -> str:
@@ -230,17 +216,10 @@ def _show(folder: Path, card: dict[str, Any], *, as_json: bool, said: str) -> No
     click.echo(said)
 
 
-@contextmanager
-def _writing(folder: Path) -> Iterator[None]:
-    """Turn failures of writing into messages for the user."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"cannot write into {folder}: {error.strerror or error}; choose another --out") from None
-
-
 def _prepare(folder: Path) -> None:
-    with _writing(folder):
+    from behaviors.learned import writing
+
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / "skill.npz.partial"
         probe.touch()

@@ -7,11 +7,9 @@ goes on after an interruption. ``coevo reproduce chapter3-report`` reads the fol
 from __future__ import annotations
 
 import multiprocessing
-import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -27,6 +25,7 @@ from coevo.console import duration, note, output_options, show
 from coevo.errors import InputError
 from coevo.seeds import game_seed
 from coevo.study import StudyMethod, open_method, table_bytes, write_set
+from coevo.study.cores import one_thread_each
 
 __all__ = ["chapter3", "run_set"]
 
@@ -99,22 +98,6 @@ def _one(schedule: Schedule, number: int, method: StudyMethod, *, quiet: bool) -
     return time.monotonic() - start
 
 
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Let processes that start in the block do linear algebra with one thread, as its last bits depend on how many."""
-    names = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
 @click.command()
 @click.argument("recipes", nargs=-1, required=True, metavar="RECIPE...")
 @click.option("--sets", type=click.IntRange(min=1), default=10, show_default=True, help="Of each method.")
@@ -158,7 +141,7 @@ def chapter3(
     note(f"{len(tasks)} sets to run, {finished} are finished", quiet=quiet)
     if tasks and not is_compiled(run_trials):
         note("Compiling the trials for this machine, once: about 30 s ...", quiet=quiet)
-    with _one_thread_each(), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+    with one_thread_each(), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         jobs = {pool.submit(_one, *task, quiet=quiet): f"{task[0].name} set {task[1]}" for task in tasks}
         for ended, job in enumerate(as_completed(jobs), start=1):
             try:

@@ -12,6 +12,7 @@ from coevo.cli.evolving import evolve, resume
 from coevo.cli.plugins import PluggedGroup
 from coevo.cli.reproducing import reproduce
 from coevo.cli.showing import inspect, play
+from coevo.cli.studying import study
 from coevo.errors import InputError
 
 __all__ = ["main"]
@@ -35,14 +36,16 @@ def _cli() -> None:
     """
 
 
-for _command in (evolve, resume, inspect, play, bench, reproduce):
+for _command in (evolve, resume, study, inspect, play, bench, reproduce):
     _cli.add_command(_command)
 
 
 def main() -> None:
     """Run the command line; the exit code is 0 done, 1 failed, 2 wrong input, 130 stopped."""
     try:
-        _cli.main(prog_name="coevo", standalone_mode=False)
+        code = _cli.main(prog_name="coevo", standalone_mode=False)  # what Exit was raised with is returned
+        if isinstance(code, int) and code:
+            sys.exit(code)
     except InputError as error:
         click.echo(f"coevo: {error}", err=True)
         sys.exit(2)
@@ -58,8 +61,6 @@ def main() -> None:
     except (KeyboardInterrupt, click.Abort):
         click.echo("coevo: stopped", err=True)
         sys.exit(130)
-    except click.exceptions.Exit as stop:
-        sys.exit(stop.exit_code)
     except BrokenPipeError:  # the reader of our output has gone, such as 'head'
         _drop_output()
         sys.exit(1)

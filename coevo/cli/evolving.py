@@ -154,14 +154,13 @@ def _go_on(run: Run, workers: int, backend: str, unseen: int | None, *, as_json:
 
 def _judged(run: Run, workers: int, backend: str, games: int | None, *, quiet: bool) -> list[Judged]:
     """Let the last champions play games that evolution has not seen."""
-    from coevo.contest import judge
+    from coevo.contest import judge, unseen_games
     from coevo.evolution.evaluation import Evaluator, check_backend
     from coevo.game import prepare
 
     check_backend(backend)
-    gp = run.config.gp
     if games is None:
-        games = min(400, max(40, gp.generations * gp.population * run.config.evaluation.games // 20))
+        games = unseen_games(run.config)
     if games == 0:
         return []
     try:

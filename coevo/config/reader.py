@@ -23,6 +23,7 @@ __all__ = [
     "Range",
     "Settings",
     "Share",
+    "assign",
     "check",
     "file_kind",
     "override",
@@ -50,6 +51,7 @@ _KINDS = {
     "evolution": ("an experiment of evolution", "coevo evolve"),
     "skill": ("the recipe of a skill", "coevo learn"),
     "schedule": ("a schedule of two robots", "coevo reproduce chapter3"),
+    "study": ("a study of many runs", "coevo study"),
 }
 # Settings that have another name, or stand elsewhere, than they once did.
 _MOVED = {
@@ -237,30 +239,57 @@ def override(data: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, A
             value = tomllib.loads(f"value = {text}")["value"]
         except ValueError:  # not TOML, or a number of thousands of digits: take it as text
             value = text.strip()
-        *folders, last = key.strip().split(".")
-        node: Any = result
-        for folder in folders:
-            node = _step_into(node, folder, assignment)
-        if isinstance(node, list):
-            node[_index(node, last, assignment)] = value
-        elif isinstance(node, dict):
-            node[last] = value
-        else:
-            raise InputError(f"--set {assignment}: {'.'.join(folders)} is a single value and has no parts")
+        _put(result, key.strip(), value, f"--set {assignment}")
     return result
 
 
-def _step_into(node: Any, part: str, assignment: str) -> Any:
+def assign(data: Mapping[str, Any], values: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return plain data with settings replaced, each given by its dotted key.
+
+    Args:
+        data: as TOML gives it.
+        values: what is put where, in this order.
+        where: in which file or table they stand, for messages.
+
+    Raises:
+        InputError: a key leads into a single value, or past the end of a list.
+
+    Example:
+        >>> from coevo.config import assign
+        >>> assign({"gp": {"population": 80}}, {"gp.population": 40, "fitness.kind": "varying"}, "mine.toml")
+        {'gp': {'population': 40}, 'fitness': {'kind': 'varying'}}
+    """
+    result = typing.cast("dict[str, Any]", _thaw(data))
+    for key, value in values.items():
+        _put(result, key, _thaw(value), f"{where}: {key}")
+    return result
+
+
+def _put(result: dict[str, Any], key: str, value: Any, said: str) -> None:
+    """Put a value at its dotted key; ``said`` is what the user gave, for messages."""
+    *folders, last = key.split(".")
+    node: Any = result
+    for folder in folders:
+        node = _step_into(node, folder, said)
     if isinstance(node, list):
-        return node[_index(node, part, assignment)]
+        node[_index(node, last, said)] = value
+    elif isinstance(node, dict):
+        node[last] = value
+    else:
+        raise InputError(f"{said}: {'.'.join(folders)} is a single value and has no parts")
+
+
+def _step_into(node: Any, part: str, said: str) -> Any:
+    if isinstance(node, list):
+        return node[_index(node, part, said)]
     if isinstance(node, dict):
         return node.setdefault(part, {})
-    raise InputError(f"--set {assignment}: {part!r} lies below a single value, which has no parts")
+    raise InputError(f"{said}: {part!r} lies below a single value, which has no parts")
 
 
-def _index(items: list[Any], part: str, assignment: str) -> int:
+def _index(items: list[Any], part: str, said: str) -> int:
     if not part.isdigit() or int(part) >= len(items):
-        raise InputError(f"--set {assignment}: expected an index from 0 to {len(items) - 1}, got {part!r}")
+        raise InputError(f"{said}: expected an index from 0 to {len(items) - 1}, got {part!r}")
     return int(part)
 
 

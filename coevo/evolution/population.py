@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from deap import base, gp, tools
+from deap.tools import crossover, mutation, selection
 from numpy.typing import NDArray
 
 from coevo.config import GPSettings
 from coevo.game import Game, start_trees
 from coevo.records import OPERATORS, Origins
-from coevo.seeds import RunStream, global_random
+from coevo.seeds import RunStream, global_random, thread_random
 from coevo.tree import FunctionSet, Tree, from_codes, tree_codes
 
 __all__ = [
@@ -27,6 +27,9 @@ __all__ = [
     "parents_of",
     "random_teams",
 ]
+
+for _module in (gp, crossover, mutation, selection):
+    _module.random = thread_random  # DEAP draws from Python's global generator, which belongs to all threads
 
 
 class _Fitness(base.Fitness):  # type: ignore[misc]  # DEAP carries no types
@@ -198,7 +201,7 @@ def breed(
         if settings.variation == "random":
             return [*children, *(_created(settings, functions) for _ in range(settings.population - len(children)))]
         while len(children) < settings.population:
-            chance = random.random()
+            chance = thread_random.random()
             if chance < settings.crossover:
                 one, two = select(), select()
                 pair = cross(one, two)

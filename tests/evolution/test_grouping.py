@@ -220,14 +220,17 @@ def test_line_ups_put_members_and_guests_into_their_places():
 
 
 @pytest.mark.parametrize(
-    ("games", "partners", "rounds"), [(20, 5, 5), (20, 1, 1), (20, 6, 5), (20, 100, 20), (2, 5, 2), (7, 5, 1), (9, 5, 3)]
+    ("games", "partners", "rounds"),
+    [(20, 5, 5), (20, 1, 1), (20, 6, 5), (20, 100, 20), (2, 5, 2), (7, 5, 1), (9, 5, 3)],
 )
 def test_there_are_as_many_rounds_as_divide_the_games_and_no_more_than_partners(games, partners, rounds):
     assert EvaluationSettings(games=games, grouping="partners", partners=partners).rounds == rounds
     assert EvaluationSettings(games=games, partners=partners).rounds == 1  # at random: one group, as in the source
 
 
-@pytest.mark.parametrize(("partners", "share", "of_hall"), [(4, 0.5, 2), (5, 0.5, 3), (5, 0.2, 1), (1, 0.5, 1), (1, 0.4, 0)])
+@pytest.mark.parametrize(
+    ("partners", "share", "of_hall"), [(4, 0.5, 2), (5, 0.5, 3), (5, 0.2, 1), (1, 0.5, 1), (1, 0.4, 0)]
+)
 def test_the_share_of_the_hall_is_rounded(partners, share, of_hall):
     given = {"grouping": "hall-of-fame", "partners": partners, "hall_share": share}
     assert EvaluationSettings(**given).hall_rounds == of_hall

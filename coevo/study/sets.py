@@ -1,4 +1,4 @@
-"""The only reader and writer of a study's folder: one folder a method, with its settings, and in it one folder a set.
+"""The only reader and writer of folders of sets of chapter 3: a folder a method, with its settings, in it one a set.
 
 A set's folder is written whole when the set is finished. While it is under way, a checkpoint stands beside it, in a
 file whose name begins with a dot: readers pass over it.
@@ -107,11 +107,16 @@ def write_set(method: StudyMethod, number: int, summary: bytes, files: Mapping[s
     method.checkpoint(number).unlink(missing_ok=True)
 
 
-def table_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Return rows as CSV; nothing of no rows."""
+def table_bytes(rows: Sequence[Mapping[str, Any]], columns: Sequence[str] = ()) -> bytes:
+    """Return rows as CSV; of no rows and no columns nothing.
+
+    Args:
+        rows: cells by column.
+        columns: by default those of the first row; a row may lack some.
+    """
     text = io.StringIO()
-    if rows:
-        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    if rows or columns:
+        writer = csv.DictWriter(text, columns or list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
     return text.getvalue().encode()

@@ -1,0 +1,78 @@
+"""The folder of a learned skill: where a learning under way stands, then the skill, its recipe and its card."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from behaviors.learning import Learning
+from behaviors.recipe import Recipe, recipe_digest
+from coevo.config import to_toml
+from coevo.console import put_off_interrupt
+from coevo.errors import InputError
+from coevo.files import write_whole
+from coevo.skill import Skill, load_skill, read_card
+
+__all__ = ["CARD_GAMES", "CHECKPOINT", "SKILL", "card_of", "go_on", "write_learned", "writing"]
+
+CHECKPOINT, SKILL = "learning.npz", "skill.npz"
+CARD_GAMES = 1000  # starts that cards are measured on
+_SAVE_EVERY_S, _SAVE_SHARE = 3.0, 0.05  # seldom, and where a table is large, never for more than this share of the time
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Turn failures of writing into messages for the user."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot write into {folder}: {error.strerror or error}; choose another --out") from None
+
+
+def go_on(learning: Learning, checkpoint: Path, report: Callable[[float], None]) -> None:
+    """Learn to the end, and write a checkpoint now and then.
+
+    Args:
+        learning: under way.
+        checkpoint: the file that it is kept in.
+        report: called after each block of trials with the share of them that succeeded.
+    """
+    saved, wait = time.perf_counter(), _SAVE_EVERY_S
+    while not learning.is_finished:
+        with put_off_interrupt():
+            share = learning.advance()
+        report(share)
+        began = time.perf_counter()
+        if began - saved >= wait:
+            with writing(checkpoint.parent):
+                learning.save(checkpoint)
+            saved = time.perf_counter()
+            wait = max(_SAVE_EVERY_S, (saved - began) / _SAVE_SHARE)
+
+
+def write_learned(folder: Path, skill: Skill, card: dict[str, Any], recipe: Recipe | None) -> None:
+    """Write a skill with its card and its recipe, None to leave that as it is, and remove the checkpoint."""
+    with writing(folder):
+        skill.save(folder / SKILL)
+        if recipe is not None:
+            write_whole(folder / "recipe.toml", to_toml(recipe).encode())
+        write_whole(folder / "card.json", msgspec.json.format(msgspec.json.encode(card), indent=2) + b"\n")
+        (folder / CHECKPOINT).unlink(missing_ok=True)
+
+
+def card_of(folder: Path, recipe: Recipe) -> dict[str, Any] | None:
+    """Return the card of the skill in a folder; None if that was learned otherwise than by this recipe.
+
+    Raises:
+        InputError: there is none, or it is damaged.
+    """
+    path = folder / SKILL
+    skill, card = load_skill(path), read_card(path)
+    if skill.about.get("recipe_digest") != recipe_digest(recipe) or card.get("digest") != skill.digest:
+        return None
+    return card

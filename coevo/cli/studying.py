@@ -1,0 +1,184 @@
+"""coevo study."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from coevo.console import Progress, cores, duration, emit, note, output_options, table
+
+if TYPE_CHECKING:
+    from coevo.study.folder import StudyFolder
+    from coevo.study.kinds import Cell
+    from coevo.study.plan import Plan, PlannedRun
+    from coevo.study.task import Done
+
+__all__ = ["study"]
+
+_WRITE_EVERY_S = 5.0  # the table of a study under way
+
+
+@click.command()
+@click.argument("source", metavar="FILE.toml")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the study; by default runs/NAME of the file.")
+@click.option("--seeds", type=click.IntRange(min=1), help="Replaces the study's seeds: how many, from 0 on.")
+@click.option(
+    "--workers", type=click.IntRange(min=1), default=cores(), show_default=True, help="How many runs at a time."
+)
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="A running Dask scheduler (tcp://HOST:PORT), or 'local': a cluster of separate processes.",
+)
+@output_options
+def study(
+    *,
+    source: str,
+    out: Path | None,
+    seeds: int | None,
+    workers: int,
+    scheduler: str | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Do many runs: recipes x settings x seeds, of evolution or of learning, and make one table of them.
+
+    What is done is skipped, and what was stopped goes on: give the same command again. The table does not depend on
+    how often it was stopped, nor on the number of workers.
+
+    \b
+    Example: coevo study chapter6/tiny --out runs/tiny
+             coevo study mine.toml --seeds 20 --scheduler tcp://10.0.0.1:8786
+    """
+    from coevo.study import cluster
+    from coevo.study.cores import on_cores
+    from coevo.study.folder import check_folder, open_study
+    from coevo.study.plan import read_plan, study_name
+    from coevo.study.task import task_of
+
+    if scheduler is not None:
+        cluster.check_installed()
+    plan = read_plan(source, seeds)
+    path = out if out is not None else Path("runs") / study_name(source)
+    check_folder(path, plan)
+    with ExitStack() as stack:
+        client = None
+        if scheduler not in (None, cluster.LOCAL):
+            client = stack.enter_context(cluster.connected(scheduler, workers, quiet=quiet))
+        folder = open_study(path, plan)
+        stack.callback(folder.close)
+        found = {run.name: folder.row(run) for run in plan.runs}
+        rows: dict[str, Mapping[str, Cell]] = {name: row for name, row in found.items() if row is not None}
+        waiting = [run for run in plan.runs if run.name not in rows]
+        skipped = len(rows)
+        note(f"{len(waiting)} runs to do, {skipped} are done: {path}", quiet=quiet)
+        failed: dict[str, str] = {}
+        if waiting:
+            if client is None:
+                _prepare(waiting, quiet=quiet)
+            if scheduler == cluster.LOCAL:
+                client = stack.enter_context(cluster.connected(scheduler, min(workers, len(waiting)), quiet=quiet))
+            tasks = [task_of(folder, run) for run in waiting]
+            ended = on_cores(tasks, workers) if client is None else cluster.on_cluster(client, tasks)
+            try:
+                failed = _collect(folder, rows, ended, quiet=quiet)
+            except KeyboardInterrupt:
+                folder.leave()
+                note(f"Stopped; {len(rows)} of {len(plan.runs)} runs are done, and what others have done is saved.")
+                note("Go on with the same command.")
+                raise
+        _show(folder, rows, failed, skipped, as_json=as_json)
+    if failed:
+        raise click.exceptions.Exit(1)
+
+
+def _prepare(runs: Sequence[PlannedRun], *, quiet: bool) -> None:
+    """Compile what is not compiled yet, once for all workers of this machine."""
+    from coevo.study.kinds import kind_named
+
+    for kind, run in {run.condition.kind: run for run in runs}.items():
+        kind_named(kind).warm_up(run.settings, lambda text: note(text, quiet=quiet))
+
+
+def _collect(
+    folder: StudyFolder, rows: dict[str, Mapping[str, Cell]], ended: Iterator[Done], *, quiet: bool
+) -> dict[str, str]:
+    """Add the rows of runs as they end, and write the tables now and then; return why runs failed, by their names."""
+    failed: dict[str, str] = {}
+    total, before = len(folder.plan.runs), len(rows)
+    began = written = time.monotonic()
+    try:
+        with Progress(total, done=before, quiet=quiet) as progress:
+            for done in ended:
+                if done.row is None:
+                    failed[done.name] = done.failure
+                else:
+                    rows[done.name] = done.row
+                now, count = time.monotonic(), len(rows) + len(failed)
+                left = (now - began) / (count - before) * (total - count)
+                how = f"done in {duration(done.seconds)}" if done.row is not None else f"failed: {done.failure}"
+                progress.step(f"{done.name} {how}  ({count} of {total}, {duration(left)} left)", done=count)
+                if now - written > _WRITE_EVERY_S:
+                    folder.write_tables(rows, failed)
+                    written = time.monotonic()
+    finally:
+        folder.write_tables(rows, failed)
+    return failed
+
+
+def _show(
+    folder: StudyFolder,
+    rows: Mapping[str, Mapping[str, Cell]],
+    failed: Mapping[str, str],
+    skipped: int,
+    *,
+    as_json: bool,
+) -> None:
+    in_order = {run.name: failed[run.name] for run in folder.plan.runs if run.name in failed}
+    failures = [f"{name}: {reason}" for name, reason in in_order.items()]
+    if as_json:
+        emit(
+            {
+                "study": str(folder.path),
+                "runs": len(folder.plan.runs),
+                "skipped": skipped,
+                "failed": len(failed),
+                "failures": [{"run": name, "reason": reason} for name, reason in in_order.items()],
+                "table": str(folder.table),
+            }
+        )
+    else:
+        if rows:
+            click.echo(_summary(folder.plan, rows))
+            click.echo("(mean over seeds, with its 95 % interval)")
+        click.echo(f"\n{len(rows)} of {len(folder.plan.runs)} runs are in {folder.table}")
+    if failures:
+        note("\n".join([f"{len(failures)} runs failed; the same command tries them again:", *failures]))
+
+
+def _summary(plan: Plan, rows: Mapping[str, Mapping[str, Cell]]) -> str:
+    """Return the columns that people look at first, all of them shares, a line a condition."""
+    from coevo.statistics import mean_interval
+    from coevo.study.kinds import kind_named
+
+    ends = tuple(dict.fromkeys(end for one in plan.conditions for end in kind_named(one.kind).headlines))
+    columns = list(dict.fromkeys(column for row in rows.values() for column in row if column.endswith(ends)))
+    lines = []
+    for condition in plan.conditions:
+        runs = [run for run in plan.runs if run.condition is condition]
+        found = [rows[run.name] for run in runs if run.name in rows]
+        cells = [condition.label, f"{len(found)} of {len(runs)}"]
+        for column in columns:
+            values = [float(row[column]) for row in found if column in row]
+            if len(values) > 1:
+                mean, low, high = mean_interval(values)
+                cells.append(f"{mean:.3f} [{max(low, 0.0):.3f}, {min(high, 1.0):.3f}]")
+            else:
+                cells.append(f"{values[0]:.3f}" if values else "")
+        lines.append(cells)
+    return table(["condition", "runs", *columns], lines)

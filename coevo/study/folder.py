@@ -1,0 +1,178 @@
+"""A study's folder: the only place that reads and writes one.
+
+``study.toml`` the study, resolved; ``recipes`` the recipes and modules of one's own that were given as files; a folder
+a run; ``table.csv`` a row a finished run, ``failed.csv`` a row a run that failed. In the folder of a finished run
+``study.json`` holds its row. Names that begin with a dot are of a study under way. Every file is written whole, so a
+study may be killed at any instant, and all that is written follows from what the runs came to, not from when.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from coevo.config import check, read_toml, to_toml
+from coevo.errors import InputError
+from coevo.files import lock, write_whole
+from coevo.study.kinds import Cell, kind_named
+from coevo.study.plan import RECIPES, Plan, PlannedRun, StudySettings
+from coevo.study.sets import table_bytes
+
+__all__ = ["ROW", "STUDY", "StudyFolder", "check_folder", "open_study", "row_bytes"]
+
+STUDY = "study.toml"
+ROW = "study.json"
+_TABLE, _FAILED = "table.csv", "failed.csv"
+_FLAG = ".going-"
+
+
+def row_bytes(measured: Sequence[str], row: Mapping[str, Cell]) -> bytes:
+    """Return the file that holds the row of a finished run.
+
+    Args:
+        measured: what was measured, by the names that its kind gives it.
+        row: what it came to, by column.
+    """
+    return (json.dumps({"measured": list(measured), "row": row}, indent=2, allow_nan=False) + "\n").encode()
+
+
+class StudyFolder:
+    """The folder of a study, for the one process that directs it; made by ``open_study``.
+
+    Attributes:
+        path: where it is.
+        plan: what is in it, or will be.
+        flag: a file that is there as long as this process wants the runs: workers leave a run when it has gone.
+    """
+
+    def __init__(self, path: Path, plan: Plan, release: Callable[[], None]) -> None:
+        self.path, self.plan, self._release = path, plan, release
+        for left in path.glob(f"{_FLAG}*"):
+            left.unlink(missing_ok=True)
+        self.flag = path / f"{_FLAG}{secrets.token_hex(8)}"
+        self.flag.touch()
+
+    def leave(self) -> None:
+        """Tell workers to leave their runs; all that is done is saved."""
+        self.flag.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Leave all runs, and let other processes in."""
+        self.leave()
+        self._release()
+
+    @property
+    def table(self) -> Path:
+        """Where the table is."""
+        return self.path / _TABLE
+
+    def row(self, run: PlannedRun) -> dict[str, Cell] | None:
+        """Return what a run came to, by column; None if it is not finished, or was not asked all that is asked now."""
+        folder, kind = self.path / run.name, kind_named(run.condition.kind)
+        try:
+            told = json.loads((folder / ROW).read_text(encoding="utf-8"))
+            row, measured = dict(told["row"]), list(told["measured"])
+        except (OSError, ValueError, TypeError, LookupError):
+            return None
+        return row if measured == list(kind.measured) and kind.is_whole(folder, run.settings) else None
+
+    def write_tables(self, rows: Mapping[str, Mapping[str, Cell]], failed: Mapping[str, str]) -> None:
+        """Write the table, and that of the runs that failed, in the order of the plan.
+
+        Args:
+            rows: what runs came to, by their names.
+            failed: why runs failed, by their names.
+
+        Raises:
+            InputError: they cannot be written.
+        """
+        runs = self.plan.runs
+        key = ["recipe", "seed", *self.plan.record.vary, "run"]
+        found = [{**run.key, **rows[run.name]} for run in runs if run.name in rows]
+        columns = list(dict.fromkeys([*key, *(column for row in found for column in row)]))
+        lost = [{**run.key, "reason": failed[run.name]} for run in runs if run.name in failed]
+        with _Writing(self.path):
+            write_whole(self.table, table_bytes(found, columns))
+            if lost:
+                write_whole(self.path / _FAILED, table_bytes(lost))
+            else:
+                (self.path / _FAILED).unlink(missing_ok=True)
+
+
+class _Writing:
+    """Turns failures of writing into messages for the user."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
+        if isinstance(error, OSError):
+            reason = error.strerror or str(error)
+            raise InputError(f"cannot write into {self._folder}: {reason}; mend this or choose another --out") from None
+
+
+def check_folder(path: Path, plan: Plan) -> None:
+    """Refuse a folder that holds something else than this study, or this study with fewer seeds.
+
+    Raises:
+        InputError: with the remedy.
+    """
+    try:
+        if not (path / STUDY).exists():
+            if path.exists() and (not path.is_dir() or any(not one.name.startswith(".") for one in path.iterdir())):
+                raise InputError(f"{path} exists and is not the folder of a study; choose another --out")
+            return
+    except OSError as error:
+        raise InputError(f"cannot open {path}: {error.strerror or error}; choose another --out") from None
+    there, new = check(StudySettings, read_toml(path / STUDY), str(path / STUDY)), plan.record
+    different = [
+        name
+        for name in ("recipes", "set", "vary", "conditions")
+        if _plain(getattr(there, name)) != _plain(getattr(new, name))
+    ]
+    if different:
+        what = different[0] if different[0] != "conditions" else "settings, which a recipe or a default now gives"
+        raise InputError(f"{path} holds another study: it differs in its {what}; choose another --out")
+    lacking = [seed for seed in there.seeds if seed not in plan.seeds] if isinstance(there.seeds, tuple) else []
+    if lacking:
+        raise InputError(
+            f"{path} holds this study with more seeds, such as {lacking[0]}; give these too (more may be added), or"
+            " choose another --out"
+        )
+
+
+def _plain(value: Any) -> str:
+    return json.dumps(msgspec.to_builtins(value))  # in their order, too: it is that of the table
+
+
+def open_study(path: Path, plan: Plan) -> StudyFolder:
+    """Make the folder of a study, or open it to go on.
+
+    Raises:
+        InputError: it holds something else, another process goes on with it, or it cannot be written.
+    """
+    check_folder(path, plan)
+    recipes = path / RECIPES
+    with _Writing(path):
+        path.mkdir(parents=True, exist_ok=True)
+        try:
+            release = lock(path / ".lock")
+        except BlockingIOError:
+            raise InputError(f"{path} is being written by another coevo process; wait for it or stop it") from None
+        write_whole(path / STUDY, to_toml(plan.record).encode())
+        wanted = {f"{name}.toml": file for name, file in plan.files.items()}
+        wanted |= {file.name: file for file in plan.own_files}
+        for name, file in wanted.items():
+            recipes.mkdir(exist_ok=True)
+            data = file.read_bytes()
+            if not (recipes / name).exists() or (recipes / name).read_bytes() != data:
+                write_whole(recipes / name, data)
+        return StudyFolder(path, plan, release)

@@ -1,0 +1,92 @@
+"""Learning in a study: the folder and the numbers of ``coevo learn``, however often it was stopped."""
+
+from __future__ import annotations
+
+import json
+
+import pandas as pd
+import pytest
+
+from behaviors.studies.learning import SkillRuns
+from coevo.study import cores
+from coevo.study.plan import read_plan
+from coevo.study.task import LeftError, do
+
+STUDY = """
+kind = "study"
+recipes = ["search", "quick.toml"]
+seeds = [1]
+
+[set]
+trials = 500
+"experience.windows" = 300
+"learning.check_games" = 20
+
+[vary]
+time_limit_steps = [200, 300]
+"""
+QUICK = 'kind = "skill"\nname = "quick"\ntask = "search"\n[[objects]]\nkind = "ball"\norder = 2\nhistory_length = 2\n'
+
+
+@pytest.fixture
+def study_file(tmp_path):
+    (tmp_path / "quick.toml").write_text(QUICK)
+    path = tmp_path / "learn.toml"
+    path.write_text(STUDY)
+    return path
+
+
+def test_recipes_of_skills_are_read_by_name_and_as_files(study_file):
+    plan = read_plan(str(study_file))
+    assert [run.name for run in plan.runs] == [
+        f"{recipe}-time_limit_steps{steps}-seed1" for recipe in ("search", "quick") for steps in (200, 300)
+    ]
+    assert {run.condition.kind for run in plan.runs} == {"skill"}
+    assert [run.settings.time_limit_steps for run in plan.runs] == [200, 300, 200, 300]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("trials = 500", "trails = 500", "unknown setting 'trails'. Did you mean 'trials'?"),
+        ('"search"', '"serch"', "no recipe 'serch'. Did you mean 'search'?"),
+        ("trials = 500", 'trials = 500\nmover = { kind = "skill", skill = "shot" }', "no installed skill 'shot'"),
+    ],
+)
+def test_wrong_learnings_are_refused_before_anything_is_made(old, new, said, study_file, coevo, tmp_path):
+    study_file.write_text(STUDY.replace(old, new))
+    found = coevo("study", study_file, "--out", tmp_path / "out")
+    assert found.code == 2
+    assert said in found.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_row_is_the_card_of_coevo_learn_and_a_stopped_learning_ends_alike(study_file, coevo, tmp_path, monkeypatch):
+    monkeypatch.setattr(cores, "on_cores", lambda tasks, _: map(do, tasks))
+    study_file.write_text(STUDY.replace('"search", ', "").replace("[200, 300]", "[300]"))
+    assert coevo("study", study_file, "--out", tmp_path / "out", "--quiet").code == 0
+    table = pd.read_csv(tmp_path / "out" / "table.csv")
+    folder = tmp_path / "out" / "quick-time_limit_steps300-seed1"
+    said = coevo("learn", folder / "recipe.toml", "--out", tmp_path / "alone", "--json", "--quiet")
+    card = json.loads(said.out)
+    row = table.iloc[0]
+    assert row["recipe"] == "quick"
+    assert row["success_rate_in_view"] == card["measured"]["in-view"]["success_rate"]
+    assert row["collision_rate_in_view"] == card["measured"]["in-view"]["collision_rate"]
+    assert row["states"] == card["states"] == 3**2 + 2
+    for name in ("skill.npz", "recipe.toml", "card.json"):
+        assert (tmp_path / "alone" / name).read_bytes() == (folder / name).read_bytes()
+
+    settings, kind, stopped = read_plan(str(study_file)).runs[0].settings, SkillRuns(), tmp_path / "stopped"
+
+    def unwanted():
+        raise LeftError
+
+    with pytest.raises(LeftError):
+        kind.run(settings, stopped, (), unwanted)
+    assert [path.name for path in stopped.iterdir()] == ["learning.npz"]
+    assert not kind.is_whole(stopped, settings)
+    kind.run(settings, stopped, (), lambda: None)
+    assert sorted(path.name for path in stopped.iterdir()) == ["card.json", "recipe.toml", "skill.npz"]
+    for path in stopped.iterdir():
+        assert path.read_bytes() == (folder / path.name).read_bytes()

@@ -1,0 +1,160 @@
+"""coevo study as people meet it: what is done is skipped, what was cut short goes on, what fails is named."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pandas as pd
+import pytest
+
+from coevo.recipes import recipe_path
+from coevo.run import open_run
+from coevo.study import cluster, evolving
+
+FAILS = "def late(measures, *, generation, **_):\n    return [measures['goals']][generation]\n"
+
+
+@pytest.fixture(scope="module")
+def finished(finished_study):
+    """Return the folder of a finished study: only to be read."""
+    return finished_study()
+
+
+@pytest.fixture
+def done(finished, tmp_path):
+    """Return the folder of a copy of it."""
+    return shutil.copytree(finished, tmp_path / "out")
+
+
+def test_a_row_says_what_coevo_evolve_says_of_that_run(done, coevo, tmp_path, results_of):
+    table = pd.read_csv(done / "table.csv")
+    assert table["run"].tolist() == [f"smoke-{kind}-seed{seed}" for kind in ("fixed", "varying") for seed in (0, 1)]
+    row = table.iloc[3]
+    said = coevo("evolve", done / row["run"] / "config.toml", "--out", tmp_path / "alone", "--json", "--quiet")
+    told = json.loads(said.out)
+    assert results_of(tmp_path / "alone") == results_of(done / row["run"])
+    for robot, best in told["robots"].items():
+        assert [row[f"{robot}_{key}"] for key in ("best_fitness", "depth", "nodes")] == [
+            best[key] for key in ("best_fitness", "depth", "nodes")
+        ]
+    for one in told["unseen"]:
+        for who in ("last", "first", "single_skills"):
+            assert row[f"team{one['team']}_{who}"] == one[who][0]
+    run = open_run(done / row["run"])  # shares of decisions, mean over the champions of a team
+    for team, robots in ((0, ["r0", "r1"]), (1, ["r2"])):
+        best = [run.record(2, robot).iloc[0] for robot in robots]
+        for skill in run.game.function_set(0).terminals:
+            use = [one[f"chose_{skill}"] / one.filter(like="chose_").sum() for one in best]
+            assert row[f"team{team}_use_{skill}"] == pytest.approx(sum(use) / len(use))
+
+
+def test_what_is_done_is_skipped_and_more_seeds_may_be_added(done, coevo, study_file, here):
+    before = (done / "table.csv").read_bytes()
+    again = json.loads(coevo("study", study_file(), "--out", done, "--json").out)
+    assert (again["runs"], again["skipped"], again["failed"], again["table"]) == (4, 4, 0, str(done / "table.csv"))
+    assert here == []
+    assert (done / "table.csv").read_bytes() == before
+    more = json.loads(coevo("study", study_file(), "--out", done, "--seeds", 3, "--json").out)
+    assert (more["runs"], more["skipped"]) == (6, 4)
+    assert here == ["smoke-fixed-seed2", "smoke-varying-seed2"]
+    assert (done / "table.csv").read_bytes().splitlines()[1:3] == before.splitlines()[1:3]
+
+
+def test_what_was_cut_short_goes_on_to_the_same_bytes(done, coevo, study_file, here):
+    before = (done / "table.csv").read_bytes()
+    (done / "table.csv").unlink()
+    cut = done / "smoke-varying-seed0"  # as if killed after a generation
+    (cut / "study.json").unlink()
+    for path in sorted((cut / "individuals.parquet").iterdir())[1:]:
+        path.unlink()
+    shutil.rmtree(cut / "results")
+    (cut / "checkpoint.npz").unlink()
+    first = (cut / "individuals.parquet" / "part-00000.parquet").stat()
+    begun = done / "smoke-fixed-seed1"  # as if killed before its settings were written
+    shutil.rmtree(begun)
+    begun.mkdir()
+    (begun / "own.py").touch()
+    again = json.loads(coevo("study", study_file(), "--out", done, "--json").out)
+    assert (again["skipped"], again["failed"]) == (2, 0)
+    assert here == ["smoke-fixed-seed1", "smoke-varying-seed0"]
+    assert (cut / "individuals.parquet" / "part-00000.parquet").stat().st_mtime_ns == first.st_mtime_ns
+    assert (done / "table.csv").read_bytes() == before
+
+
+def test_a_run_that_lost_generations_is_not_taken_for_done(done, coevo, study_file, here):
+    before = (done / "table.csv").read_bytes()
+    (done / "smoke-fixed-seed0" / "individuals.parquet" / "part-00002.parquet").unlink()
+    told = json.loads(coevo("study", study_file(), "--out", done, "--json").out)
+    assert (told["skipped"], told["failed"]) == (3, 1)
+    assert "has lost generations that its checkpoint tells of; remove this folder" in told["failures"][0]["reason"]
+    shutil.rmtree(done / "smoke-fixed-seed0")
+    assert coevo("study", study_file(), "--out", done).code == 0
+    assert here == ["smoke-fixed-seed0"] * 2
+    assert (done / "table.csv").read_bytes() == before
+
+
+def test_a_measure_that_is_new_is_measured_of_finished_runs(done, coevo, study_file, monkeypatch, here):
+    monkeypatch.setitem(evolving._MEASURES, "extra", lambda of: {"extra": of.run.finished})
+    assert json.loads(coevo("study", study_file(), "--out", done, "--json").out)["skipped"] == 0
+    assert len(here) == 4
+    assert pd.read_csv(done / "table.csv")["extra"].tolist() == [3] * 4
+
+
+@pytest.mark.usefixtures("here")
+def test_a_run_that_fails_is_named_while_the_others_finish(coevo, study_file, tmp_path):
+    (tmp_path / "own.py").write_text(FAILS)
+    shutil.copy(recipe_path("smoke", "evolution"), tmp_path / "small.toml")
+    study = study_file('recipes = ["small.toml"]\nseeds = 2', '[vary]\n"fitness.kind" = ["own:late", "fixed"]')
+    said = coevo("study", study, "--out", tmp_path / "out", "--json")
+    assert said.code == 1
+    told = json.loads(said.out)
+    assert (told["runs"], told["failed"]) == (4, 2)
+    assert [one["run"] for one in told["failures"]] == ["small-own-late-seed0", "small-own-late-seed1"]
+    assert "2 runs failed; the same command tries them again:" in said.err
+    for one in told["failures"]:
+        assert "own:late failed: IndexError" in one["reason"]
+        assert one["run"] in said.err
+    assert pd.read_csv(tmp_path / "out" / "table.csv")["run"].tolist() == ["small-fixed-seed0", "small-fixed-seed1"]
+    assert pd.read_csv(tmp_path / "out" / "failed.csv")["run"].tolist() == [one["run"] for one in told["failures"]]
+    assert coevo("study", study, "--out", tmp_path / "out").code == 1  # they are tried again
+
+
+@pytest.mark.usefixtures("here")
+def test_a_run_of_other_settings_in_its_place_is_a_failure(done, coevo, study_file, small_run):
+    shutil.rmtree(done / "smoke-fixed-seed0")
+    shutil.copytree(small_run.path, done / "smoke-fixed-seed0")
+    (done / "smoke-fixed-seed0" / "config.toml").write_text(
+        (small_run.path / "config.toml").read_text().replace("seed = 0", "seed = 8")
+    )
+    said = coevo("study", study_file(), "--out", done, "--json")
+    assert said.code == 1
+    (failure,) = json.loads(said.out)["failures"]
+    assert "smoke-fixed-seed0 holds a run of other settings" in failure["reason"]
+
+
+def test_the_summary_has_a_line_a_condition(done, coevo, study_file):
+    lines = coevo("study", study_file(), "--out", done, "--quiet").out.splitlines()
+    assert [line.split()[:4] for line in lines[1:3]] == [
+        ["smoke-fixed", "2", "of", "2"],
+        ["smoke-varying", "2", "of", "2"],
+    ]
+    assert lines[-1] == f"4 of 4 runs are in {done / 'table.csv'}"
+
+
+def test_without_the_library_it_is_told_what_to_install(coevo, study_file, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster.importlib.util, "find_spec", lambda _: None)
+    said = coevo("study", study_file(), "--out", tmp_path / "out", "--scheduler", "local")
+    assert said.code == 2
+    assert "pip install 'coevo[cluster]'" in said.err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("address", ["nonsense", "", "x://host:1", "tcp://127.0.0.1:1"])
+def test_a_scheduler_that_is_not_there_is_told(address, coevo, study_file, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "_REACH_S", 1)
+    said = coevo("study", study_file(), "--out", tmp_path / "out", "--scheduler", address)
+    assert said.code == 2
+    assert f"cannot reach a Dask scheduler at '{address}'" in said.err
+    assert "'dask scheduler'" in said.err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,142 @@
+"""The folder of a study: for one study and one process, and its table always in the order of the plan."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+
+from coevo.errors import InputError
+from coevo.recipes import recipe_path
+from coevo.study.folder import ROW, check_folder, open_study, row_bytes
+from coevo.study.kinds import kind_named
+from coevo.study.plan import read_plan
+
+
+@pytest.fixture
+def plan(study_file):
+    return read_plan(str(study_file()))
+
+
+@pytest.fixture
+def folder(plan, tmp_path):
+    opened = open_study(tmp_path / "out", plan)
+    yield opened
+    opened.close()
+
+
+def rows_of(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_table_is_in_the_order_of_the_plan_whatever_came_first(folder, plan):
+    names = [run.name for run in plan.runs]
+    rows = {name: {"share": 0.1 * number, f"only_{number}": number} for number, name in enumerate(names)}
+    folder.write_tables(rows, {})
+    whole = folder.table.read_bytes()
+    folder.write_tables(dict(reversed(rows.items())), {})
+    assert folder.table.read_bytes() == whole
+    found = rows_of(folder.table)
+    assert list(found[0]) == ["recipe", "seed", "fitness.kind", "run", "share", *(f"only_{n}" for n in range(4))]
+    assert [(row["run"], row["fitness.kind"], row["seed"]) for row in found] == [
+        ("smoke-fixed-seed0", "fixed", "0"),
+        ("smoke-fixed-seed1", "fixed", "1"),
+        ("smoke-varying-seed0", "varying", "0"),
+        ("smoke-varying-seed1", "varying", "1"),
+    ]
+    assert [float(row["share"]) for row in found] == [0.1 * number for number in range(4)]  # to the last bit
+    assert [row["only_2"] for row in found] == ["", "", "2", ""]
+
+
+def test_what_failed_has_a_table_of_its_own_as_long_as_anything_does(folder, plan):
+    lost = plan.runs[2].name
+    folder.write_tables({}, {lost: 'it said "no", twice'})
+    assert rows_of(folder.table) == []
+    (row,) = rows_of(folder.path / "failed.csv")
+    assert row == {
+        "recipe": "smoke", "seed": "0", "fitness.kind": "varying", "run": lost, "reason": 'it said "no", twice'
+    }  # fmt: skip
+    folder.write_tables({}, {})
+    assert not (folder.path / "failed.csv").exists()
+
+
+@pytest.mark.parametrize("data", [b"", b"{", b'{"row": 3, "measured": []}', b'{"row": {"a": 1}}', b"[]"])
+def test_a_damaged_row_is_none(folder, plan, data):
+    run = plan.runs[0]
+    (folder.path / run.name).mkdir()
+    (folder.path / run.name / ROW).write_bytes(data)
+    assert folder.row(run) is None
+
+
+def test_a_row_counts_only_with_the_whole_run_and_all_that_is_asked(folder, plan, monkeypatch):
+    run, kind = plan.runs[0], kind_named("evolution")
+    (folder.path / run.name).mkdir()
+    (folder.path / run.name / ROW).write_bytes(row_bytes(kind.measured, {"a": 1}))
+    assert folder.row(run) is None  # no generation is there
+    monkeypatch.setattr(type(kind), "is_whole", lambda *_: True)
+    assert folder.row(run) == {"a": 1}
+    monkeypatch.setattr(type(kind), "measured", (*kind.measured, "more"))
+    assert folder.row(run) is None
+
+
+def test_another_study_is_refused(folder, study_file):
+    changed = {
+        "recipes": study_file('recipes = ["two-learners"]\nseeds = 2'),
+        "vary": study_file(vary='[vary]\n"fitness.kind" = ["varying", "fixed"]', name="order.toml"),
+        "set": study_file(settings='[set]\n"gp.population" = 8', name="set.toml"),
+    }
+    for what, path in changed.items():
+        with pytest.raises(InputError, match=rf"holds another study: it differs in its {what}; choose another --out"):
+            check_folder(folder.path, read_plan(str(path)))
+
+
+def test_a_recipe_or_a_module_that_has_changed_is_another_study(study_file, tmp_path):
+    recipe, module = tmp_path / "recipe.toml", tmp_path / "own.py"
+    recipe.write_bytes(recipe_path("smoke", "evolution").read_bytes())
+    module.write_text("def reach(measures, **_):\n    return -measures['goals']\n")
+    study = str(study_file('recipes = ["recipe.toml"]', vary='[vary]\n"fitness.kind" = ["fixed", "own:reach"]'))
+    open_study(tmp_path / "out", read_plan(study)).close()
+    for path in (recipe, module):  # workers on other machines see the study's folder alone
+        assert (tmp_path / "out" / "recipes" / path.name).read_bytes() == path.read_bytes()
+    open_study(tmp_path / "out", read_plan(str(tmp_path / "out" / "study.toml"))).close()  # it is whole in itself
+    for path, more in ((recipe, "[categories]\nleft_below_px = 20.0\n"), (module, "# changed\n")):
+        before = path.read_text()
+        path.write_text(f"{before}\n{more}")
+        with pytest.raises(InputError, match="differs in its settings, which a recipe or a default now gives"):
+            check_folder(tmp_path / "out", read_plan(study))
+        path.write_text(before)
+    check_folder(tmp_path / "out", read_plan(study))
+
+
+def test_seeds_may_be_added_but_not_left_out(folder, study_file):
+    check_folder(folder.path, read_plan(str(study_file()), 3))
+    with pytest.raises(InputError, match="holds this study with more seeds, such as 1; give these too"):
+        check_folder(folder.path, read_plan(str(study_file()), 1))
+
+
+def test_a_folder_of_something_else_is_refused(plan, tmp_path, small_run):
+    for path in (tmp_path, small_run.path, tmp_path / "mine.toml"):
+        with pytest.raises(InputError, match="exists and is not the folder of a study; choose another --out"):
+            open_study(path, plan)
+    with pytest.raises(InputError, match="Not a directory"):
+        open_study(tmp_path / "mine.toml" / "out", plan)
+    with pytest.raises(InputError, match="differs in its recipes"):  # where the recipes are
+        check_folder(recipe_path("chapter6/study", "study").parent, plan)
+
+
+def test_a_folder_that_another_process_directs_is_refused(folder, plan):
+    with pytest.raises(InputError, match="is being written by another coevo process"):
+        open_study(folder.path, plan)
+    folder.close()
+    open_study(folder.path, plan).close()
+
+
+def test_flags_of_those_who_were_killed_go(folder, plan):
+    left = folder.flag
+    folder._release()  # as of a process that is gone
+    again = open_study(folder.path, plan)
+    assert not left.exists()
+    assert again.flag.exists()
+    again.close()
+    assert not again.flag.exists()

@@ -1,0 +1,178 @@
+"""A study file and the runs that follow from it: all combinations, each with a name of its own, all of it checked."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import tomllib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from coevo.config import read_toml, to_toml
+from coevo.errors import InputError
+from coevo.recipes import recipe_names
+from coevo.study import plan
+from coevo.study.plan import read_plan, study_name
+
+SMOKE = 'recipes = ["smoke"]'
+
+
+def test_every_combination_is_a_run_with_a_name_of_its_own(study_file):
+    vary = '[vary]\n"fitness.kind" = ["fixed", "varying"]\n"gp.elite" = [1, 2]\n"skills.strike" = ["shoot", ""]'
+    runs = read_plan(str(study_file('recipes = ["smoke", "two-learners"]\nseeds = [7, 3]', vary))).runs
+    expected = itertools.product(["smoke", "two-learners"], ["fixed", "varying"], [1, 2], ["shoot", ""], [7, 3])
+    settings = [run.settings for run in runs]
+    assert [(one.name, one.fitness.kind, one.gp.elite, one.skills.get("strike"), one.seed) for one in settings] == list(
+        expected
+    )
+    assert {one.gp.generations for one in settings} == {3}
+    assert runs[0].name == "smoke-fixed-elite1-shoot-seed7"
+    assert runs[3].name == "smoke-fixed-elite1-none-seed3"
+    assert runs[0].key == {
+        "recipe": "smoke",
+        "seed": 7,
+        "fitness.kind": "fixed",
+        "gp.elite": 1,
+        "skills.strike": "shoot",
+        "run": "smoke-fixed-elite1-shoot-seed7",
+    }
+
+
+def test_keys_without_quotes_mean_the_same(study_file):
+    quoted = read_plan(str(study_file(settings='[set]\n"gp.population" = 6')))
+    plain = read_plan(
+        str(study_file(settings="[set.gp]\npopulation = 6", vary='[vary]\nfitness.kind = ["fixed", "varying"]'))
+    )
+    assert plain.record == quoted.record
+
+
+def test_seeds_are_a_number_or_a_list_and_the_command_line_wins(study_file):
+    assert read_plan(str(study_file('recipes = ["smoke"]'))).seeds == (0,)
+    path = str(study_file('recipes = ["smoke"]\nseeds = [5, 2]'))
+    assert read_plan(path).seeds == (5, 2)
+    assert read_plan(path, 3).seeds == (0, 1, 2)
+
+
+NUMBERS = st.one_of(st.integers(), st.booleans(), st.floats(allow_nan=False))
+VALUES = st.one_of(st.text(max_size=200), NUMBERS, st.lists(st.integers(), max_size=3))
+
+
+@given(st.lists(VALUES, min_size=1, max_size=8, unique_by=repr))
+def test_names_are_names_of_folders_and_never_equal(values):
+    taken = {}
+    for value in values:
+        taken[plan._label("smoke", {"a.b": value}, taken)] = ""
+    assert len({label.lower() for label in taken}) == len(values)
+    for label in taken:
+        assert plan._slug(label) == label
+        assert len(label) < 120
+
+
+def test_recipes_are_files_beside_the_study_and_keep_their_folders_only_where_they_must(study_file, tmp_path):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "same.toml").write_bytes(plan.recipe_path("smoke", "evolution").read_bytes())
+    (tmp_path / "other.toml").write_bytes(plan.recipe_path("smoke", "evolution").read_bytes())
+    read = read_plan(str(study_file('recipes = ["a/same.toml", "b/same.toml", "other.toml"]', vary="")))
+    assert [run.name for run in read.runs] == ["a-same-seed0", "b-same-seed0", "other-seed0"]
+    assert read.record.recipes == ("recipes/a-same.toml", "recipes/b-same.toml", "recipes/other.toml")
+
+
+def test_a_resolved_study_is_a_study_file_of_the_same_runs(study_file, tmp_path):
+    read = read_plan(str(study_file()))
+    (tmp_path / "resolved.toml").write_text(to_toml(read.record))
+    again = read_plan(str(tmp_path / "resolved.toml"))
+    assert again.record == read.record
+    assert [(run.name, run.settings) for run in again.runs] == [(run.name, run.settings) for run in read.runs]
+
+
+def test_a_resolved_study_whose_recipe_has_changed_is_refused(study_file, tmp_path):
+    text = to_toml(read_plan(str(study_file())).record)
+    (tmp_path / "resolved.toml").write_text(text.replace('"gp.generations" = 3', '"gp.generations" = 4'))
+    with pytest.raises(InputError, match=r"settings of smoke-fixed are not those that were recorded; take the table"):
+        read_plan(str(tmp_path / "resolved.toml"))
+
+
+def test_studies_are_called_as_their_file_or_its_folder():
+    assert study_name("chapter6/tiny") == "tiny"
+    assert study_name("chapter6/study") == "chapter6-study"
+
+
+def test_the_studies_that_come_along_are_right():
+    assert {"chapter6/study", "chapter6/tiny"} <= set(recipe_names("study"))
+    runs = read_plan("chapter6/study").runs
+    games = ("two-learners", "stationary-opponent", "three-learners")
+    assert [run.name for run in runs if run.seed == 9] == [
+        f"dissertation-{game}-{kind}-seed9" for game in games for kind in ("fixed", "varying")
+    ]
+    for run in runs:  # Table 6.3, and 20 games a grouping
+        gp, evaluation = run.settings.gp, run.settings.evaluation
+        assert (gp.population, gp.generations, gp.tournament, gp.elite, gp.crossover_depth_max) == (80, 60, 10, 1, 25)
+        assert math.isclose(gp.crossover, 0.85)
+        assert (evaluation.games, evaluation.grouping) == (20, "random")
+        assert list(run.settings.terminals) == ["shoot", "pass", "avoid", "search"]
+
+
+@pytest.mark.parametrize("name", ["two-learners", "stationary-opponent", "three-learners"])
+def test_the_dissertations_conditions_leave_no_setting_to_a_default(name):
+    path = plan.recipe_path(f"chapter6/dissertation-{name}", "evolution")
+    resolved = to_toml(plan.kind_named("evolution").settings(read_toml(path), ""))
+    assert {**read_toml(path), "seed": 0} == tomllib.loads(resolved)
+
+
+# A study of smoke in every respect but what is said here: its head, its tables, and what is said of it.
+WRONG = {
+    "no recipes": ("seeds = 1", "", "", "missing required field recipes"),
+    "recipes, but none": ("recipes = []", "", "", "recipes: expected array of length >= 1"),
+    "unknown recipe": ('recipes = ["smok"]', "", "", "no recipe 'smok'. Did you mean 'smoke'?"),
+    "no such file": ('recipes = ["none.toml"]', "", "", "none.toml: No such file"),
+    "a recipe twice": ('recipes = ["smoke", "smoke"]', "", "", 'recipes: expected each value once, got "smoke"'),
+    "unknown key": (f"{SMOKE}\nseed = 3", "", "", "unknown setting 'seed'. Did you mean 'seeds'?"),
+    "no seeds": (f"{SMOKE}\nseeds = 0", "", "", "seeds: expected int >= 1"),
+    "seeds, but none": (f"{SMOKE}\nseeds = []", "", "", "seeds: expected array of length >= 1"),
+    "a seed twice": (f"{SMOKE}\nseeds = [1, 1]", "", "", "seeds: expected each value once, got 1"),
+    "a seed below 0": (f"{SMOKE}\nseeds = [-1]", "", "", "seeds.0: expected int >= 0, got -1"),
+    "no study": (f'kind = "evolution"\n{SMOKE}', "", "", "is an experiment of evolution"),
+    "no list": (SMOKE, '"fitness.kind" = "fixed"', "", "vary.fitness.kind: expected a list of values, such as [1, 2]"),
+    "an empty list": (SMOKE, '"gp.elite" = []', "", "vary.gp.elite: expected a list of values"),
+    "a value twice": (SMOKE, '"gp.elite" = [1, 1]', "", "vary.gp.elite: expected each value once, got 1"),
+    "unknown varied key": (
+        SMOKE,
+        '"gp.populatoin" = [6, 8]',
+        "",
+        "smoke gp.populatoin=6: unknown setting 'gp.populatoin'. Did you mean 'population'?",
+    ),
+    "the second value": (SMOKE, '"gp.population" = [12, 1]', "", "smoke gp.population=1: gp.population: expected int"),
+    "unknown key of all": (SMOKE, "", '"gp.genrations" = 3', "'gp.genrations'. Did you mean 'generations'?"),
+    "past the end": (SMOKE, "", '"players.9.team" = 1', "players.9.team: expected an index from 0 to 2, got '9'"),
+    "set and varied": (SMOKE, '"gp.elite" = [1, 2]', '"gp.elite" = 1', "gp.elite stands in [set] and in [vary]"),
+    "seed varied": (SMOKE, "seed = [1, 2]", "", "vary.seed: a study says this by 'seeds'"),
+    "seed set": (SMOKE, "", "seed = 1", "set.seed: a study says this by 'seeds'"),
+    "no such fitness": (
+        SMOKE,
+        '"fitness.kind" = ["fixed", "absent:f"]',
+        "",
+        "smoke fitness.kind=absent:f: fitness.kind: there is no module 'absent'",
+    ),
+    "a schedule": ('recipes = ["chapter3/short"]', "", "", "no recipe 'chapter3/short'"),
+    "itself": ('recipes = ["mine.toml"]', "", "", "recipes of the kind 'evolution' or 'skill', got 'study'"),
+    "too many": (f"{SMOKE}\nseeds = 2000", f'"gp.elite" = {list(range(60))}', "", "expected at most 100000 runs"),
+}
+
+
+@pytest.mark.parametrize(("head", "vary", "settings", "told"), WRONG.values(), ids=WRONG.keys())
+def test_wrong_studies_are_refused_before_anything_is_made(
+    head, vary, settings, told, coevo, study_file, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    kind = "" if head.startswith("kind") else 'kind = "study"\n'
+    path = study_file(kind + head, f"[vary]\n{vary}", f"[set]\n{settings}")
+    said = coevo("study", path, "--out", tmp_path / "out")
+    assert said.code == 2, said.err
+    assert said.out == ""
+    assert "Traceback" not in said.err
+    assert len(said.err.strip().splitlines()) == 1
+    assert told in said.err
+    assert list(tmp_path.iterdir()) == [path]

@@ -19,6 +19,7 @@ from coevo.config.experiment import (
     RunSettings,
     check_experiment,
 )
+from coevo.config.levels import ComplexitySettings, CriterionSettings, LevelsSettings
 from coevo.config.reader import (
     FileSettings,
     NonNegative,
@@ -31,6 +32,7 @@ from coevo.config.reader import (
     override,
     read_toml,
     to_toml,
+    with_values,
 )
 from coevo.config.world import (
     BallSettings,
@@ -47,7 +49,9 @@ __all__ = [
     "BallSettings",
     "CameraSettings",
     "CategorySettings",
+    "ComplexitySettings",
     "ConditionSettings",
+    "CriterionSettings",
     "EvaluationSettings",
     "EvolutionSettings",
     "FieldSettings",
@@ -57,6 +61,7 @@ __all__ = [
     "ForeignSettings",
     "GPSettings",
     "GameSettings",
+    "LevelsSettings",
     "NonNegative",
     "PhysicsSettings",
     "PlayerSettings",
@@ -75,4 +80,5 @@ __all__ = [
     "override",
     "read_toml",
     "to_toml",
+    "with_values",
 ]

@@ -28,6 +28,7 @@ __all__ = [
     "override",
     "read_toml",
     "to_toml",
+    "with_values",
 ]
 
 _S = TypeVar("_S", bound=Struct)
@@ -115,9 +116,9 @@ def _check_file_kind(wanted: str, data: Mapping[str, Any], source: str) -> None:
 def _name_key(kind: type[_S], data: Mapping[str, Any], path: str, message: str) -> str:
     """Return the path with the key that msgspec does not tell: the first that alone gives the same message."""
     table, _, rest = path.partition(".*")
-    for key, value in data[table].items():
+    for key, value in _look_up(data, table).items():
         try:
-            msgspec.convert({**data, table: {key: value}}, kind)
+            msgspec.convert(with_values(data, {table: {key: value}}, table), kind)
         except msgspec.ValidationError as error:
             if str(error) == message:
                 return f"{table}.{key}{rest}"
@@ -131,9 +132,10 @@ def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
         item = next((a for a in _arguments(kind) if _is_settings(a)), None)
         for index, value in enumerate(data):
             _check_keys(item, value, source, f"{path}.{index}")
-    if typing.get_origin(kind) is dict and isinstance(data, Mapping):  # its keys are anyone's
+    values = _values_of(kind)
+    if values is not None and isinstance(data, Mapping):  # its keys are anyone's
         for key, value in data.items():
-            _check_keys(typing.get_args(kind)[1], value, source, f"{path}.{key}")
+            _check_keys(values, value, source, f"{path}.{key}")
         return
     kind = next((a for a in [kind, *_arguments(kind)] if _is_settings(a)), None)
     if kind is None or not isinstance(data, Mapping):
@@ -149,11 +151,18 @@ def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
         _check_keys(fields[key], value, source, here)
 
 
+def _values_of(kind: Any) -> Any:
+    """Return the type of the values of a table with any keys, None for other types."""
+    bare = typing.get_args(kind)[0] if typing.get_origin(kind) is Annotated else kind
+    return typing.get_args(bare)[1] if typing.get_origin(bare) is dict else None
+
+
 def _choices(kind: Any, path: str) -> list[Any]:
     """Return what a setting with a closed list of values may be."""
     for part in path.split("."):
-        if typing.get_origin(kind) is dict:
-            kind = typing.get_args(kind)[1]
+        values = _values_of(kind)
+        if values is not None:
+            kind = values
             continue
         inner = next((a for a in [kind, *_arguments(kind)] if _is_settings(a)), None)
         if inner is not None and not part.isdigit():
@@ -231,30 +240,48 @@ def override(data: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, A
             value = tomllib.loads(f"value = {text}")["value"]
         except ValueError:  # not TOML, or a number of thousands of digits: take it as text
             value = text.strip()
-        *folders, last = key.strip().split(".")
-        node: Any = result
-        for folder in folders:
-            node = _step_into(node, folder, assignment)
-        if isinstance(node, list):
-            node[_index(node, last, assignment)] = value
-        elif isinstance(node, dict):
-            node[last] = value
-        else:
-            raise InputError(f"--set {assignment}: {'.'.join(folders)} is a single value and has no parts")
+        _put(result, key.strip(), value, f"--set {assignment}")
     return result
 
 
-def _step_into(node: Any, part: str, assignment: str) -> Any:
+def with_values(data: Mapping[str, Any], values: Mapping[str, Any], source: str) -> dict[str, Any]:
+    """Return plain data with settings replaced, by dotted key; ``source`` is where they come from, for messages.
+
+    Example:
+        >>> from coevo.config import with_values
+        >>> with_values({"gp": {"population": 80}, "players": [{"team": 0}]}, {"players.0.team": 1}, "mine")
+        {'gp': {'population': 80}, 'players': [{'team': 1}]}
+    """
+    result = typing.cast("dict[str, Any]", _thaw(data))
+    for key, value in values.items():
+        _put(result, key, value, f"{source}: {key}")
+    return result
+
+
+def _put(result: dict[str, Any], key: str, value: Any, said: str) -> None:
+    *folders, last = key.split(".")
+    node: Any = result
+    for folder in folders:
+        node = _step_into(node, folder, said)
     if isinstance(node, list):
-        return node[_index(node, part, assignment)]
+        node[_index(node, last, said)] = value
+    elif isinstance(node, dict):
+        node[last] = value
+    else:
+        raise InputError(f"{said}: {'.'.join(folders)} is a single value and has no parts")
+
+
+def _step_into(node: Any, part: str, said: str) -> Any:
+    if isinstance(node, list):
+        return node[_index(node, part, said)]
     if isinstance(node, dict):
         return node.setdefault(part, {})
-    raise InputError(f"--set {assignment}: {part!r} lies below a single value, which has no parts")
+    raise InputError(f"{said}: {part!r} lies below a single value, which has no parts")
 
 
-def _index(items: list[Any], part: str, assignment: str) -> int:
+def _index(items: list[Any], part: str, said: str) -> int:
     if not part.isdigit() or int(part) >= len(items):
-        raise InputError(f"--set {assignment}: expected an index from 0 to {len(items) - 1}, got {part!r}")
+        raise InputError(f"{said}: expected an index from 0 to {len(items) - 1}, got {part!r}")
     return int(part)
 
 

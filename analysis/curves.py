@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.diversity import distinct_trees, evenness, top_of
 from analysis.groups import open_runs, run_names
 from coevo.errors import InputError, nearest_name
+from coevo.measures import measures_of
 from coevo.records import GenerationRecord, read_record
 from coevo.run import Run
 from coevo.statistics import bootstrap_interval
@@ -44,8 +44,9 @@ def table(runs: str | Path | Run | Sequence[str | Path | Run]) -> pd.DataFrame:
           worst fitness, as in ``generations.csv``, and ``mean`` over the population;
         - ``use_NAME``: the share of an individual's decisions that chose the terminal NAME, with the same statistics,
           if the run has counted them; the mean is over individuals that decided at all;
-        - ``diversity_trees``, the share of different trees, and ``diversity_tops``, how different they are near the
-          root (``analysis.diversity``): statistic ``mean``, as they belong to the whole population.
+        - ``diversity_trees``, the share of different trees, ``diversity_tops``, how different they are near the root,
+          and, where individuals play in several groups, ``repeatability`` of fitness (``coevo.measures``): statistic
+          ``mean``, as they belong to the whole population.
 
     Raises:
         InputError: one is no run, is named twice, or has no finished generation.
@@ -89,13 +90,13 @@ def _of_run(run: Run, name: str) -> pd.DataFrame:
         generation, robot = cast("tuple[int, str]", key)
         functions = run.game.function_set(numbers[robot])
         record = read_record(numbers[robot], robot, population, run.game.counts, functions.terminals)
-        rows += [_Row(generation, robot, *one) for one in _of_record(record, functions)]
+        rows += [_Row(generation, robot, *one) for one in _of_record(record, functions, run.config.evaluation.games)]
     frame = pd.DataFrame(rows, columns=_Row._fields)
     frame.insert(0, "run", name)
     return frame
 
 
-def _of_record(record: GenerationRecord, functions: FunctionSet) -> Iterator[tuple[str, str, float]]:
+def _of_record(record: GenerationRecord, functions: FunctionSet, games: int) -> Iterator[tuple[str, str, float]]:
     """Yield measure, statistic and value of one robot's individuals in one generation."""
     sizes = {"depth": record.depth, "nodes": record.nodes}
     best, worst = record.order[0], record.order[-1]
@@ -104,8 +105,9 @@ def _of_record(record: GenerationRecord, functions: FunctionSet) -> Iterator[tup
         numbers = (values[best], known.mean() if len(known) else np.nan, values[worst])
         for statistic, number in zip(STATISTICS, numbers, strict=True):
             yield measure, statistic, float(number)
-    yield "diversity_trees", "mean", distinct_trees(record.codes)
-    yield "diversity_tops", "mean", evenness([top_of(tree, functions) for tree in record.codes])
+    measured = measures_of(record, functions, games)  # passes are a count, which is there
+    for measure in ["diversity_trees", "diversity_tops", *([] if record.rounds is None else ["repeatability"])]:
+        yield measure, "mean", measured[measure]
 
 
 def _uses(record: GenerationRecord) -> dict[str, NDArray[np.float64]]:

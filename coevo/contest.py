@@ -34,12 +34,12 @@ def evolving_teams(game: Game) -> tuple[int, ...]:
 
 
 def champions(run: Run, generation: int) -> dict[int, LineUp]:
-    """Return the best trees of a generation, by team."""
+    """Return the champions of a generation (``Run.champion``), by team."""
     game = run.game
     found: dict[int, dict[int, Program]] = {team: {} for team in evolving_teams(game)}
     for role, name in run.evolving.items():
         functions = game.function_set(role)
-        codes = tree_codes(run.tree(name, generation), functions)
+        codes = tree_codes(run.champion_tree(name, generation), functions)
         found[game.roles[role].team][role] = compile_program(codes, functions)
     return dict(found)
 

@@ -21,7 +21,7 @@ from deap import gp
 from numpy.typing import NDArray
 
 from coevo.config import RunSettings
-from coevo.game import Outcome, SoccerGame, Trace
+from coevo.game import Outcome, SoccerGame, Trace, given_trees
 from coevo.skill import ObjectModel, Skill, load_skill
 from coevo.soccer.camera import ROBOTS, camera_params, make_retina, object_count, see
 from coevo.soccer.drive import action_set
@@ -101,7 +101,7 @@ class PlainGame:
         self.settings = settings
         self._skills = {name: load_skill(source) for name, source in settings.terminals.items()}
         self._terminals = list(self._skills)
-        self._game = SoccerGame(settings)
+        self._game, self._given = SoccerGame(settings), given_trees(settings)
         self._policies = {name: skill.policy for name, skill in self._skills.items()}
         self._history = max(model.history_length for skill in self._skills.values() for model in skill.objects)
         self._actions = action_set(settings.world.robot)
@@ -143,7 +143,7 @@ class PlainGame:
         now: dict[int, dict[str, bool]] = {}
         players = [
             None if tree is None else self._robot(number, int(teams[number]), tree, now)
-            for number, tree in enumerate(trees)
+            for number, tree in enumerate(own or given for own, given in zip(trees, self._given, strict=True))
         ]
         referee = _Referee(settings, teams)
         states, skills, actions, leaves, perceived = [world.state], [], [], [], []

@@ -131,6 +131,8 @@ def _worth(used: UsedTree) -> str:
     place = "the best" if used.rank == 0 else f"number {used.rank + 1}"
     text = f"Fitness {used.fitness:.4g}, where less is better: {place} of {count} in its generation"
     text += f" (best {fitness[0]:.4g}, mean {mean:.4g}, worst {worst:.4g})."
+    if used.again is not None:
+        return f"{text} Judged again it is {used.again[0]:.4g}, in the {used.again[1]} games by which it was chosen."
     if used.rank == 0 and count > 1:
         games = f"its {_counted(used.games, 'game')} overstate{'s' if used.games == 1 else ''} it"
         text += f" The best is the luckiest of {count} as well as a good one: {games}."

@@ -53,11 +53,13 @@ class GenerationRecord:
 
     role: its number. robot: its name, as in the column of this name.
     codes: per individual its tree, (nodes,) uint8 in prefix order.
-    group: (population,) int64, which group it played in. fitness: (population,) float64.
+    group: (population,) int64, the first group that counted for it. fitness: (population,) float64.
     counts: by name (population,) int64, summed over its games, in the order of the game's counts.
     depth, nodes: (population,) int64.
     origins: where they came from; None in runs of older versions, which did not keep it.
     chosen: by terminal of the role (population,) int64, decisions for it in its games; nothing in older runs.
+    rounds: (population, rounds) float64, what the fitness would be if all its games were like those of each round; None
+        of a single round.
     """
 
     role: int
@@ -70,6 +72,7 @@ class GenerationRecord:
     nodes: NDArray[np.int64]
     origins: Origins | None
     chosen: Mapping[str, NDArray[np.int64]]
+    rounds: NDArray[np.float64] | None = None
 
     @property
     def order(self) -> NDArray[np.int64]:
@@ -163,6 +166,9 @@ def individuals_table(generation: int, records: Sequence[GenerationRecord], term
         none = [np.zeros(len(record.fitness), np.int32) for record in records]
         chosen = (record.chosen.get(name, zeros) for record, zeros in zip(records, none, strict=True))
         table[CHOSE + name] = joined(chosen, np.int32)
+    if all(record.rounds is not None for record in records):
+        rounds = np.concatenate([record.rounds for record in records if record.rounds is not None])
+        table["rounds"] = pa.FixedSizeListArray.from_arrays(pa.array(rounds.ravel()), rounds.shape[1])
     return pa.table(table)
 
 
@@ -193,4 +199,5 @@ def read_record(
         rows["nodes"].to_numpy(np.int64),
         origins,
         {name: rows[CHOSE + name].to_numpy(np.int64) for name in terminals if CHOSE + name in rows},
+        np.array(rows["rounds"].tolist(), np.float64) if "rounds" in rows else None,
     )

@@ -1,20 +1,20 @@
 """A run folder: the only place that reads and writes one.
 
-``config.toml`` every setting, ``environment.json`` versions and digests, ``generations.csv`` a row a generation and
-robot, ``individuals.parquet`` a folder with a part a generation, ``checkpoint.npz`` the population that comes next.
-Each file is written whole under another name and then renamed, parts first and the checkpoint last, so a kill at
-any instant loses at most the generation under way. Nothing is in pickle.
+``config.toml`` every setting, ``environment.json`` versions and digests, ``generations.csv`` and ``measures.csv`` a row
+a generation and robot, ``individuals.parquet`` a folder with a part a generation, ``checkpoint.npz`` the population
+that comes next, ``champions.csv`` the last champions, where they were judged again. Each file is written whole under
+another name and then renamed, parts first and the checkpoint last, so a kill at any instant loses at most the
+generation under way. Nothing is in pickle.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,10 @@ from numpy.typing import NDArray
 from coevo.config import EvolutionSettings, check_experiment, read_toml, to_toml
 from coevo.environment import environment
 from coevo.errors import InputError
-from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, write_whole
+from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays
+from coevo.folder import Folder, save_whole, writing
 from coevo.game import Game, make_game, own_references, terminals_of
+from coevo.measures import MEASURES, measure_lines
 from coevo.plugins import own_file, search_folders
 from coevo.records import Checkpoint, GenerationRecord, columns, individuals_table, read_record, table_lines
 from coevo.tree import Tree, from_codes
@@ -31,8 +33,11 @@ from coevo.tree import Tree, from_codes
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Run", "create_run", "open_run"]
+__all__ = ["CHAMPION_COLUMNS", "Run", "create_run", "open_run"]
 
+CHAMPION_COLUMNS = ("team", "robot", "generation", "index", "fitness", "fitness_again", "games", "won", "lost")
+_CHAMPIONS = "champions.csv"
+_Lines = Callable[[int, Sequence[GenerationRecord]], list[str]]
 _FORMAT = 2  # of the checkpoint; 1 did not tell where individuals came from
 _OLDER = (
     "was written by an older coevo, which did not keep where individuals came from. The run can be read, but not gone"
@@ -40,28 +45,11 @@ _OLDER = (
 )
 
 
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Turn failures of writing into messages for the user."""
-    try:
-        yield
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(
-            f"cannot write {path}: {reason}. What was saved before is intact; mend this and go on with 'coevo resume'"
-        ) from None
-
-
-def _write_whole(path: Path, data: bytes) -> None:
-    with _writing(path):
-        write_whole(path, data)
-
-
-class Run:
+class Run(Folder):
     """A run on disk; made by ``create_run`` and ``open_run``."""
 
     def __init__(self, path: Path, settings: EvolutionSettings) -> None:
-        self.path = path
+        super().__init__(path, hashlib.sha256(to_toml(settings).encode()).digest())
         self.config = settings
         self.folders = search_folders(path)  # where code of one's own is looked for
 
@@ -116,8 +104,9 @@ class Run:
 
     @property
     def is_finished(self) -> bool:
-        """Whether every generation is there."""
-        return self.finished >= self.config.gp.generations
+        """Whether every generation is there, and the last champions are chosen, if they are to be judged again."""
+        chosen = not self.config.evaluation.champion_games or (self.path / _CHAMPIONS).exists()
+        return self.finished >= self.config.gp.generations and chosen
 
     def _part_path(self, generation: int) -> Path:
         return self.path / "individuals.parquet" / f"part-{generation:05d}.parquet"
@@ -171,6 +160,44 @@ class Run:
             raise InputError(f"rank must be from 0 to {len(rows) - 1}, got {rank}")
         return from_codes(np.asarray(rows["tree"][rank], np.uint8), self.game.function_set(self.number_of(robot)))
 
+    def champions(self) -> pd.DataFrame | None:
+        """Return ``champions.csv``, a row a robot of ``CHAMPION_COLUMNS``; None if none were judged again (yet).
+
+        Raises:
+            InputError: it is damaged.
+        """
+        import pandas as pd
+
+        path = self.path / _CHAMPIONS
+        if not self.config.evaluation.champion_games or not path.exists():
+            return None
+        try:
+            table = pd.read_csv(path, dtype={"robot": str})
+            right = table.columns.tolist() == list(CHAMPION_COLUMNS)
+            if not right or table["robot"].tolist() != list(self.evolving.values()) or table.isna().any(axis=None):
+                raise ValueError("it has other columns or robots")
+        except (ValueError, OSError) as error:
+            remedy = f"delete it; 'coevo resume {self.path}' makes it anew"
+            raise InputError(f"{path} is damaged ({error}); {remedy}") from None
+        return table
+
+    def champion(self, robot: str, generation: int) -> tuple[int, int]:
+        """Return generation and rank of the champion of a role in a generation.
+
+        That is the best of the generation; of the last one the one that was chosen when they were judged again, which
+        random search may have found earlier.
+        """
+        table = self.champions() if generation == self.config.gp.generations - 1 else None
+        if table is None:
+            return generation, 0
+        row = table[table["robot"] == robot].iloc[0]
+        found = int(row["generation"])
+        return found, int((self.record(found, robot)["index"] == row["index"]).to_numpy().argmax())
+
+    def champion_tree(self, robot: str, generation: int) -> Tree:
+        """Return the tree of ``champion``."""
+        return self.tree(robot, *self.champion(robot, generation))
+
     def number_of(self, robot: str) -> int:
         """Return the number of a role by its name."""
         return [role.name for role in self.game.roles].index(robot)
@@ -199,7 +226,7 @@ class Run:
                 raise InputError(
                     f"{path} has format {int(arrays['format'][0])}, this version reads {_FORMAT}; {remedy}"
                 )
-            if bytes(arrays["run"]) != self._identity():
+            if bytes(arrays["run"]) != self._identity:
                 raise InputError(f"{path} belongs to another run: its settings are not those of config.toml; {remedy}")
             return Checkpoint.of(arrays, self.evolving)
         except InputError:
@@ -209,14 +236,11 @@ class Run:
 
     # ------------------------------------------------------------------------------------------------ writing
 
-    def _identity(self) -> bytes:
-        return hashlib.sha256(to_toml(self.config).encode()).digest()
-
     def save_environment(self) -> None:
         """Write what the run depends on besides its settings, if that is not written yet."""
         path = self.path / "environment.json"
         if not path.exists():
-            _write_whole(path, (json.dumps(environment(self.config, self.folders), indent=2) + "\n").encode())
+            save_whole(path, (json.dumps(environment(self.config, self.folders), indent=2) + "\n").encode())
 
     def save_generation(self, generation: int, records: Sequence[GenerationRecord]) -> None:
         """Write one generation: its rows in the table of generations, then its individuals."""
@@ -227,32 +251,40 @@ class Run:
         buffer = pa.BufferOutputStream()  # Arrow's own, as in reading
         pq.write_table(table, buffer, compression="zstd")
         path = self._part_path(generation)
-        with _writing(path):
+        with writing(path):
             path.parent.mkdir(exist_ok=True)
-        self._save_table(generation, records)  # first: a part on disk promises that its rows are in the table
-        _write_whole(path, buffer.getvalue().to_pybytes())
+        self._save_tables(generation, records)  # first: a part on disk promises that its rows are in the tables
+        save_whole(path, buffer.getvalue().to_pybytes())
 
-    def _save_table(self, generation: int, records: Sequence[GenerationRecord]) -> None:
-        lines = [
-            ",".join(columns(self.game.counts)),
-            *self._earlier_lines(generation),
-            *table_lines(generation, records),
+    def _save_tables(self, generation: int, records: Sequence[GenerationRecord]) -> None:
+        functions = {role: self.game.function_set(role) for role in self.evolving}
+        games = self.config.evaluation.games
+        tables: list[tuple[str, list[str], _Lines]] = [
+            ("generations.csv", columns(self.game.counts), table_lines),
+            ("measures.csv", list(MEASURES), lambda number, of: measure_lines(number, of, functions, games)),
         ]
-        _write_whole(self.path / "generations.csv", ("\n".join(lines) + "\n").encode())
+        for name, header, lines_of in tables:
+            earlier = self._earlier_lines(self.path / name, len(header), generation, lines_of)
+            lines = [",".join(header), *earlier, *lines_of(generation, records)]
+            save_whole(self.path / name, ("\n".join(lines) + "\n").encode())
 
-    def _earlier_lines(self, generation: int) -> list[str]:
-        """Return the table's lines of the generations before; those that are lost or damaged are made anew."""
+    def _earlier_lines(self, path: Path, width: int, generation: int, lines_of: _Lines) -> list[str]:
+        """Return a table's lines of the generations before; those that are lost or damaged are made anew."""
         expected = [[str(g), robot] for g in range(generation) for robot in self.evolving.values()]
         try:
-            lines = (self.path / "generations.csv").read_text(encoding="utf-8").splitlines()[1 : len(expected) + 1]
+            lines = path.read_text(encoding="utf-8").splitlines()[1 : len(expected) + 1]
         except (OSError, UnicodeDecodeError):
             lines = []
         parts = [line.split(",") for line in lines]
-        if [part[:2] for part in parts] == expected and all(
-            len(part) == len(columns(self.game.counts)) for part in parts
-        ):
+        if [part[:2] for part in parts] == expected and all(len(part) == width for part in parts):
             return lines
-        return [line for earlier in range(generation) for line in table_lines(earlier, self.records(earlier))]
+        return [line for earlier in range(generation) for line in lines_of(earlier, self.records(earlier))]
+
+    def save_champions(self, rows: Sequence[Sequence[object]]) -> None:
+        """Write the last champions, a row of ``CHAMPION_COLUMNS`` each."""
+        lines = [CHAMPION_COLUMNS, *rows]
+        text = "".join(",".join(map(str, line)) + "\n" for line in lines)
+        save_whole(self.path / _CHAMPIONS, text.encode())
 
     def records(self, generation: int) -> list[GenerationRecord]:
         """Return what was saved of a generation, a record a role."""
@@ -266,64 +298,14 @@ class Run:
         """Write what comes next."""
         arrays = {
             "format": np.array([_FORMAT]),
-            "run": np.frombuffer(self._identity(), np.uint8),
+            "run": np.frombuffer(self._identity, np.uint8),
             **checkpoint.arrays(),
         }
         parts = [self._part_path(generation) for generation in range(checkpoint.generation)]
         digests = [hashlib.sha256(path.read_bytes()).digest() for path in parts if path.exists()]
         arrays["parts"] = np.frombuffer(b"".join(digests), np.uint8)
         arrays["digest"] = digest_of(arrays)
-        _write_whole(self.path / "checkpoint.npz", pack_arrays(arrays))
-
-    # ---------------------------------------------------------------------------------- what was found out later
-
-    @property
-    def results(self) -> list[str]:
-        """Names of what is kept of contests and the like."""
-        return sorted(path.stem for path in (self.path / "results").glob("*.npz"))
-
-    def save_result(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Keep arrays that were found out about this run, whole or not at all."""
-        kept = {**arrays, "run": np.frombuffer(self._identity(), np.uint8)}
-        path = self.path / "results" / f"{name}.npz"
-        with _writing(path):
-            path.parent.mkdir(exist_ok=True)
-        _write_whole(path, pack_arrays({**kept, "digest": digest_of(kept)}))
-
-    def result(self, name: str) -> dict[str, NDArray[Any]] | None:
-        """Return what was kept under a name, None if nothing was.
-
-        Raises:
-            InputError: it is damaged or belongs to another run.
-        """
-        path = self.path / "results" / f"{name}.npz"
-        if not path.exists():
-            return None
-        remedy = "delete it; it is made anew when it is asked for"
-        try:
-            arrays = read_arrays(path)
-            if not np.array_equal(arrays.pop("digest"), digest_of(arrays)):
-                raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
-            if bytes(arrays.pop("run")) != self._identity():
-                raise InputError(f"{path} belongs to another run; {remedy}")
-        except (LookupError, OSError, DamagedFileError, TypeError, ValueError) as error:
-            raise InputError(f"{path} is damaged ({error}); {remedy}") from None
-        return arrays
-
-    def lock(self) -> Callable[[], None]:
-        """Keep other processes from writing into this run; return what lets go of it."""
-        try:
-            import fcntl
-        except ImportError:  # no such locks on this system
-            return lambda: None
-        with _writing(self.path):
-            file = (self.path / ".lock").open("w")
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            file.close()
-            raise InputError(f"{self.path} is being written by another coevo process; wait for it or stop it") from None
-        return file.close
+        save_whole(self.path / "checkpoint.npz", pack_arrays(arrays))
 
 
 def create_run(path: Path, settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Run:
@@ -350,8 +332,8 @@ def create_run(path: Path, settings: EvolutionSettings, folders: Sequence[Path] 
         ) from None
     for own in (own_file(reference, folders) for reference in own_references(settings)):
         if own is not None:
-            _write_whole(path / own.name, own.read_bytes())
-    _write_whole(path / "config.toml", to_toml(settings).encode())
+            save_whole(path / own.name, own.read_bytes())
+    save_whole(path / "config.toml", to_toml(settings).encode())
     run = Run(path, settings)
     run.save_environment()
     return run

@@ -44,6 +44,8 @@ class RunStream(IntEnum):
     PARTNERS = 11  # with whom champions play again: a generation, role and repetition
     CROSS = 12  # between champions of different runs: a block of starts and game
     SINGLES = 13  # which teams of single skills are tried, where there are too many: a team
+    GUESTS = 14  # from which earlier generations guests come: a generation
+    CHAMPIONS = 15  # that choose the last champions once more: a team and game
     BENCH = 9  # whose speed is measured: a group and game
 
 

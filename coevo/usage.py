@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from coevo.errors import InputError
-from coevo.evolution.evaluation import group_seeds
+from coevo.evolution.grouping import Groups, groups_of, line_ups
 from coevo.game import programs_of
 from coevo.run import Run
 from coevo.seeds import RunStream, game_seeds
@@ -52,12 +52,14 @@ class UsedTree:
 
     Attributes:
         robot, generation, rank: which tree; rank 0 is the best of its generation.
+        index: of it in its generation.
         tree: as it was bred.
         usage: what became of it.
         functions: what it is made of.
         games: how many it was scored by.
         fitness: its own.
         generation_fitness: (population,) float64, of all trees of its robot in its generation, best first.
+        again: fitness and number of the games by which the last champions were chosen once more, if it is one.
     """
 
     robot: str
@@ -69,6 +71,8 @@ class UsedTree:
     games: int
     fitness: float
     generation_fitness: NDArray[np.float64]
+    index: int = 0
+    again: tuple[float, int] | None = None
 
     @cached_property
     def simplified(self) -> Tree:
@@ -128,37 +132,73 @@ def last_generation(run: Run) -> int:
     return max(run.finished - 1, 0)
 
 
-def used_tree(run: Run, robot: str | None = None, generation: int | None = None, rank: int = 0) -> UsedTree:
+def used_tree(run: Run, robot: str | None = None, generation: int | None = None, rank: int | None = None) -> UsedTree:
     """Play the games of a tree again and return it with its use.
 
     Args:
         run: a run folder.
         robot: whose tree; by default that of the first that evolves.
         generation: by default the last that is finished.
-        rank: 0 is the best of the generation.
+        rank: 0 is the best of the generation; by default its champion (``Run.champion``).
 
     Raises:
         InputError: there is no such robot, generation or rank.
     """
     robot = robot or next(iter(run.evolving.values()))
     generation = last_generation(run) if generation is None else generation
-    tree, rows = run.tree(robot, generation, rank), run.record(generation, robot)
+    champion = run.champion(robot, generation) if robot in run.evolving.values() else (generation, 0)
+    found, place = champion if rank is None else (generation, rank)
+    tree, rows = run.tree(robot, found, place), run.record(found, robot)
+    index = int(rows["index"].iloc[place])
     return UsedTree(
         robot,
-        generation,
-        rank,
+        found,
+        place,
         tree,
-        tree_usage(run, generation, int(rows["group"].iloc[rank]), robot),
+        tree_usage(run, found, robot, index),
         run.game.function_set(run.number_of(robot)),
         run.config.evaluation.games,
-        float(rows["fitness"].iloc[rank]),
+        float(rows["fitness"].iloc[place]),
         rows["fitness"].to_numpy(np.float64),
+        index,
+        _again(run, robot) if (found, place) == champion else None,
     )
+
+
+def _again(run: Run, robot: str) -> tuple[float, int] | None:
+    """Return fitness and games of a robot's last champion when it was judged again, None if it was not."""
+    table = run.champions()
+    if table is None:
+        return None
+    row = table[table["robot"] == robot].iloc[0]
+    return float(row["fitness_again"]), int(row["games"])
 
 
 def play_seeds(seed: int, games: int) -> NDArray[np.uint64]:
     """Return the seeds of games outside evolution."""
     return game_seeds(seed, RunStream.PLAY, count=games)
+
+
+def _groups(run: Run, generation: int, group: int) -> Groups:
+    run.record(generation, next(iter(run.evolving.values())))  # there must be such a generation
+    groups = groups_of(run.config, run.game.roles, generation)
+    if not 0 <= group < len(groups):
+        raise InputError(f"generation {generation} of {run.path} has the groups 0 to {len(groups) - 1}, got {group}")
+    return groups
+
+
+def _line_ups(run: Run, generation: int, groups: Groups, numbers: Sequence[int]) -> list[list[Tree | None]]:
+    """Return the trees that played in some groups."""
+
+    @cache
+    def best_of(role: int, earlier: int) -> NDArray[np.uint8]:
+        return np.asarray(run.record(earlier, run.evolving[role])["tree"].iloc[0], np.uint8)
+
+    game, codes = run.game, {record.role: record.codes for record in run.records(generation)}
+    return [
+        [None if one is None else from_codes(one, game.function_set(role)) for role, one in enumerate(team)]
+        for team in line_ups(groups, codes, best_of, numbers)
+    ]
 
 
 def group_trees(run: Run, generation: int, group: int) -> list[Tree | None]:
@@ -167,38 +207,41 @@ def group_trees(run: Run, generation: int, group: int) -> list[Tree | None]:
     Raises:
         InputError: there is no such generation or group.
     """
-    trees: list[Tree | None] = [None] * len(run.game.roles)
-    for role, name in run.evolving.items():
-        rows = run.record(generation, name)
-        member = rows[rows["group"] == group]
-        if member.empty:
-            last = int(rows["group"].max())
-            raise InputError(f"generation {generation} of {run.path} has the groups 0 to {last}, got {group}")
-        trees[role] = from_codes(np.asarray(member.iloc[0]["tree"], np.uint8), run.game.function_set(role))
-    return trees
+    return _line_ups(run, generation, _groups(run, generation, group), [group])[0]
 
 
 def seeds_of_group(run: Run, generation: int, group: int, game: int | None = None) -> NDArray[np.uint64]:
     """Return the seeds of the games of a group, or of one of them.
 
     Raises:
-        InputError: there is no such game.
+        InputError: there is no such generation, group or game.
     """
-    games = run.config.evaluation.games
-    seeds = group_seeds(run.config.seed, generation, group, games)
+    groups = _groups(run, generation, group)
+    seeds = groups.seeds(run.config.seed, generation, group)
     if game is None:
         return seeds
-    if not 0 <= game < games:
-        raise InputError(f"each group of {run.path} played the games 0 to {games - 1}, got {game}")
+    if not 0 <= game < groups.games:
+        raise InputError(f"each group of {run.path} played the games 0 to {groups.games - 1}, got {game}")
     return seeds[game : game + 1]
 
 
-def tree_usage(run: Run, generation: int, group: int, robot: str) -> TreeUsage:
-    """Play the games of a group again and count where the tree of ``robot`` went."""
+def tree_usage(run: Run, generation: int, robot: str, index: int) -> TreeUsage:
+    """Play all games again that count for an individual, and count where its tree went.
+
+    Args:
+        run: with this generation.
+        generation, robot, index: who; the index is that of individuals.parquet, not a rank.
+    """
     game, number = run.game, run.number_of(robot)
-    programs = programs_of(game, group_trees(run, generation, group))
-    seeds = seeds_of_group(run, generation, group)
-    leaf_steps, program = game.play(programs, seeds).leaf_steps[number], programs[number]
+    groups = groups_of(run.config, game.roles, generation)
+    own = groups.of(number)[index].tolist()
+    leaf_steps: NDArray[np.int64] | None = None
+    for group, trees in zip(own, _line_ups(run, generation, groups, own), strict=True):
+        programs = programs_of(game, trees)
+        counted = game.play(programs, groups.seeds(run.config.seed, generation, group)).leaf_steps[number]
+        leaf_steps = counted if leaf_steps is None else leaf_steps + counted
+    program = programs[number]
+    assert leaf_steps is not None
     assert program is not None
     steps = int(leaf_steps.sum())
     names = game.function_set(number).terminals

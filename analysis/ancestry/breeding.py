@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from coevo.errors import InputError
 from coevo.evolution.population import Individual, Origin, breed, codes_of, first_population, parents_of
+from coevo.game import start_trees
 from coevo.run import Run
 
 __all__ = ["Bred", "breed_again", "lineage"]
@@ -63,7 +64,8 @@ def breed_again(run: Run, robot: str, generation: int) -> list[Bred]:
     """
     number, found = run.number_of(run.record(generation, robot)["robot"].iloc[0]), list[Bred]()
     functions, settings = run.game.function_set(number), run.config
-    bred = first_population(settings.gp, functions, seed=settings.seed, robot=number)
+    start = start_trees(settings.gp, run.game).get(number, ())
+    bred = first_population(settings.gp, functions, seed=settings.seed, robot=number, start=start)
     for earlier in range(generation + 1):
         rows = run.record(earlier, robot).sort_values("index")
         origins = _check(run, robot, earlier, rows, bred)

@@ -183,7 +183,7 @@ def _table(bred: Sequence[Bred], index: int, found: Trace, steps: NDArray[np.flo
     """Return the table of ancestors."""
     line = [index]
     for now in reversed(bred[1:]):
-        line.append(now.origins[line[-1]].parent_1)
+        line.append(now.origins[line[-1]].parent_1 if line[-1] >= 0 else -1)  # -1: made anew
     line.reverse()
     known, used = not np.isnan(steps).any(), steps > 0
     rows = []

@@ -54,7 +54,7 @@ def ancestry(
         raise InputError(f"rank must be from 0 to {len(ranked) - 1}, got {rank}")
     row = ranked.iloc[rank]
     prepare(run.config, lambda text: note(text, quiet=quiet))
-    usage = tree_usage(run, generation, int(row["group"]), robot)
+    usage = tree_usage(run, generation, robot, int(row["index"]))
     found = ancestors(run, robot, generation, int(row["index"]), node_steps=usage.node_steps)
     if out is not None:
         _write(out, found)

@@ -102,9 +102,8 @@ def find_out(run: Run, evaluator: Evaluator, tell: Callable[[str], None]) -> Fin
 
 
 def _ancestry(run: Run, tree: UsedTree) -> Ancestry | str:
-    index = int(run.record(tree.generation, tree.robot)["index"].iloc[0])
     try:
-        return ancestors(run, tree.robot, tree.generation, index, node_steps=tree.usage.node_steps)
+        return ancestors(run, tree.robot, tree.generation, tree.index, node_steps=tree.usage.node_steps)
     except InputError as error:  # bred by another version
         return f"{tree.robot}: {error}"
 
@@ -115,8 +114,8 @@ def _replay(run: Run) -> str:
     if not isinstance(game, SoccerGame):
         return ""
     names = [run.evolving.get(role) for role in range(len(game.roles))]
-    trees = [None if name is None else run.tree(name, run.finished - 1) for name in names]
+    trees = [None if name is None else run.champion_tree(name, run.finished - 1) for name in names]
     programs = programs_of(game, trees)
     traces = [game.arena.trace(programs, seed)[1] for seed in play_seeds(run.config.seed, _WATCHED)]
     name = f"{run.config.name}: the best of generation {run.finished - 1}"
-    return make_page(game_recording(game.settings, traces, trees=trees, name=name))
+    return make_page(game_recording(game.settings, traces, trees=game.trees_of(trees), name=name))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from analysis.tournament import Left
 from coevo.contest import Judged
+from coevo.evolution.grouping import games_of_run
 from coevo.run import Run
 
 __all__ = ["compared", "in_short", "percent", "who"]
@@ -37,7 +38,7 @@ def in_short(run: Run, judged: Sequence[Judged], dynamics: Sequence[str], left: 
     """Return a few paragraphs: what was run, what came of it, whether it was progress, and how much was luck."""
     config = run.config
     generations, gp = run.finished, config.gp
-    games = generations * gp.population * config.evaluation.games
+    games = games_of_run(config, run.game.roles, generations)
     sides = [who(one.robots) for one in judged]
     against = " against ".join(sides) if len(sides) > 1 else f"{sides[0]}, one team"
     unfinished = "" if run.is_finished else f" It is not finished: {gp.generations} generations were asked for."

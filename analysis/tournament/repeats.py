@@ -12,15 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from analysis.tournament.play import kept_name
 from coevo.evolution.evaluation import Evaluator, Match
+from coevo.evolution.grouping import groups_again, line_ups
 from coevo.fitness import Scorer
 from coevo.records import GenerationRecord
 from coevo.run import Run
 from coevo.seeds import RunStream, game_seeds, generator
 from coevo.statistics import LEVEL
-from coevo.tree import Program, compile_program
+from coevo.tree import compile_program
 
 __all__ = ["Left", "left_over", "play_again"]
 
@@ -41,7 +43,7 @@ def play_again(
         run: with these generations finished.
         evaluator: plays.
         generations: which.
-        repeats: how often; each time as many games as in evolution, with partners and opponents drawn anew.
+        repeats: how often; each time as many games as in evolution, with partners, opponents and guests drawn anew.
         report: called after each generation with how many are done, and of how many.
 
     Returns:
@@ -71,20 +73,16 @@ def _of_generation(run: Run, evaluator: Evaluator, generation: int, repeats: int
     scorer = Scorer(config, game.counts, run.folders)
     records = run.records(generation)
     matches = [
-        Match(
-            _partners(run, records, record.role, generation, k),
-            game_seeds(config.seed, RunStream.AGAIN, generation, record.role, k, count=config.evaluation.games),
-        )
-        for record in records
-        for k in range(repeats)
+        match for record in records for k in range(repeats) for match in _matches(run, records, record, generation, k)
     ]
     outcomes = evaluator.play(matches)
     found = []
     for record in records:
-        played = [next(outcomes) for _ in range(repeats)]
-        counts = {
+        played = [next(outcomes) for _ in range(repeats * config.evaluation.partners)]
+        sums = {
             name: np.array([one.counts[name][:, record.role].sum() for one in played], np.int64) for name in game.counts
         }
+        counts = {name: values.reshape(repeats, -1).sum(axis=1) for name, values in sums.items()}
         again = np.asarray(scorer(counts, generation), np.float64)
         spread = float(again.std(ddof=1)) if repeats > 1 else 0.0
         best = float(record.fitness[record.order[0]])
@@ -92,17 +90,26 @@ def _of_generation(run: Run, evaluator: Evaluator, generation: int, repeats: int
     return found
 
 
-def _partners(
-    run: Run, records: Sequence[GenerationRecord], role: int, generation: int, repeat: int
-) -> list[Program | None]:
-    """Return the champion of a role among others of its generation, drawn at random."""
-    draw = generator(run.config.seed, RunStream.PARTNERS, generation, role, repeat)
-    programs: list[Program | None] = [None] * len(run.game.roles)
-    for record in records:
-        drawn = int(draw.integers(len(record.codes)))
-        chosen = int(record.order[0]) if record.role == role else drawn
-        programs[record.role] = compile_program(record.codes[chosen], run.game.function_set(record.role))
-    return programs
+def _matches(
+    run: Run, records: Sequence[GenerationRecord], record: GenerationRecord, generation: int, repeat: int
+) -> list[Match]:
+    """Return the games of the champion of a role among others of its generation, and guests, drawn at random."""
+    config, roles, role = run.config, run.game.roles, record.role
+    draw = generator(config.seed, RunStream.PARTNERS, generation, role, repeat)
+    groups = groups_again(config, roles, generation, (role, int(record.order[0])), draw)
+    seeds = game_seeds(config.seed, RunStream.AGAIN, generation, role, repeat, count=config.evaluation.games)
+    codes = {of.role: of.codes for of in records}
+
+    def best_of(other: int, earlier: int) -> NDArray[np.uint8]:
+        return np.asarray(run.record(earlier, run.evolving[other])["tree"].iloc[0], np.uint8)
+
+    lots = np.split(seeds, len(groups))
+    return [
+        Match(
+            [None if one is None else compile_program(one, run.game.function_set(k)) for k, one in enumerate(team)], lot
+        )
+        for team, lot in zip(line_ups(groups, codes, best_of), lots, strict=True)
+    ]
 
 
 @dataclass(frozen=True)

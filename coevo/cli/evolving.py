@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -142,7 +142,7 @@ def _go_on(run: Run, workers: int, backend: str, unseen: int | None, *, as_json:
                 left = (now - since) / (of.generation + 1 - done) * (generations - of.generation - 1)
                 progress.step(_line(of, generations, left), done=of.generation + 1)
 
-            evolve_run(run, evaluator, report)
+            evolve_run(run, evaluator, report, lambda text: note(text, quiet=quiet))
     except KeyboardInterrupt:
         note(f"Stopped; {run.finished} of {generations} generations are saved. Go on with: coevo resume {run.path}")
         raise
@@ -184,18 +184,25 @@ def _line(of: GenerationReport, generations: int, left: float) -> str:
 
 
 def _summarise(run: Run, seconds: float, judged: Sequence[Judged], *, as_json: bool) -> None:
+    from coevo.evolution.grouping import games_of_run
+
     settings = run.config
     last = settings.gp.generations - 1
     robots: dict[str, dict[str, Any]] = {}
+    champions = run.champions()
     for robot in run.evolving.values():
-        best = run.record(last, robot).iloc[0]
+        generation, rank = run.champion(robot, last)
+        best = run.record(generation, robot).iloc[rank]
         robots[robot] = {
             "best_fitness": float(best["fitness"]),
             "depth": int(best["depth"]),
             "nodes": int(best["nodes"]),
         }
         robots[robot] |= {name: int(best[name]) for name in run.game.counts}
-    games = settings.gp.generations * settings.gp.population * settings.evaluation.games
+        if champions is not None:
+            chosen = champions[champions["robot"] == robot].iloc[0]
+            robots[robot] |= {"fitness_again": float(chosen["fitness_again"]), "generation": generation}
+    games = games_of_run(settings, run.game.roles, settings.gp.generations)
     if as_json:
         emit(
             {
@@ -210,15 +217,9 @@ def _summarise(run: Run, seconds: float, judged: Sequence[Judged], *, as_json: b
         )
         return
     took = f" in {duration(seconds)}" if seconds else ""
-    click.echo(f"{settings.gp.generations} generations, {games} games{took}. The best of the last generation:")
-    shown = ["goals", "lost"] if {"goals", "lost"} <= set(run.game.counts) else list(run.game.counts)[:4]
-    header = ["fitness", *shown, "depth", "nodes"]
-    rows = [
-        [name, f"{r['best_fitness']:.3f}", *(str(r[column]) for column in header[1:])] for name, r in robots.items()
-    ]
-    click.echo(table(["robot", *header], rows))
-    what = f"{' and '.join(shown)}: of {settings.evaluation.games} games; smaller fitness is better"
-    click.echo(f"({what}. The best is the luckiest of {settings.gp.population}, too.)")
+    who = "The best of the last generation" if champions is None else "The last champions"
+    click.echo(f"{settings.gp.generations} generations, {games} games{took}. {who}:")
+    click.echo(_champion_table(run, robots))
     if judged:
         click.echo(f"\n{_verdict(judged)}")
     folder = shlex.quote(str(run.path))
@@ -227,6 +228,28 @@ def _summarise(run: Run, seconds: float, judged: Sequence[Judged], *, as_json: b
     click.echo(f"  What a robot does:          coevo inspect {folder} --robot {next(iter(robots))}")
     watch = " --games 3 --video game.html" if isinstance(settings, RunSettings) else ""
     click.echo(f"  Let them play:              coevo play {folder}{watch}")
+
+
+def _champion_table(run: Run, robots: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the last champions, and what their numbers are worth."""
+    settings, again = run.config, run.config.evaluation.champion_games
+    shown = ["goals", "lost"] if {"goals", "lost"} <= set(run.game.counts) else list(run.game.counts)[:4]
+    judged = ["judged again"] if again else []
+    rows = [
+        [
+            name,
+            f"{of['best_fitness']:.3f}",
+            *([f"{of['fitness_again']:.3f}"] if again else []),
+            *(str(of[column]) for column in (*shown, "depth", "nodes")),
+        ]
+        for name, of in robots.items()
+    ]
+    what = f"{' and '.join(shown)}: of {settings.evaluation.games} games; smaller fitness is better"
+    luck = f"The best is the luckiest of {settings.gp.population}, too"
+    if again:
+        luck = f"Judged again, and chosen, by {again} games from common starts"
+    lines = table(["robot", "fitness", *judged, *shown, "depth", "nodes"], rows)
+    return f"{lines}\n({what}. {luck}.)"
 
 
 def _verdict(judged: Sequence[Judged]) -> str:

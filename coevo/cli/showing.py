@@ -30,7 +30,7 @@ __all__ = ["inspect", "play"]
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--robot", default=None, help="Which robot; by default the first that evolves.")
 @click.option("--generation", type=click.IntRange(min=0), help="By default the last that is finished.")
-@click.option("--rank", type=click.IntRange(min=0), default=0, show_default=True, help="0 is the best.")
+@click.option("--rank", type=click.IntRange(min=0), help="0 is the best.  [default: the champion]")
 @click.option("--simplified", is_flag=True, help="Show the simplified tree, which does the same.")
 @click.option("--format", "kind", type=click.Choice(["text", "json", "dot", "svg"]), default="text", show_default=True)
 @click.option("--all", "whole", is_flag=True, help="Show every node, folding nothing.")
@@ -45,7 +45,7 @@ def inspect(
     folder: Path,
     robot: str | None,
     generation: int | None,
-    rank: int,
+    rank: int | None,
     simplified: bool,
     kind: str,
     whole: bool,
@@ -107,6 +107,7 @@ def _told(used: UsedTree) -> dict[str, Any]:
         "depth": used.tree.depth,
         "nodes": used.tree.nodes,
         "fitness": used.fitness,
+        "fitness_again": None if used.again is None else used.again[0],
         "generation_fitness": {
             "individuals": len(fitness),
             "best": float(fitness.min()),
@@ -162,7 +163,7 @@ def play(
     """Play games between the best trees of a generation and say what happened.
 
     With --group these are the games that evolution played with the trees of a group, step for step; the column group of
-    individuals.parquet says who was in which.
+    individuals.parquet says in which each individual was, or was first.
 
     \b
     Example: coevo play runs/smoke-seed0 --games 100 --seed 7
@@ -222,7 +223,7 @@ def _new_games(run: Run, generation: int, games: int, seed: int) -> _Bill:
 
     names = [run.evolving.get(role) for role in range(len(run.game.roles))]
     return _Bill(
-        [None if name is None else run.tree(name, generation) for name in names],
+        [None if name is None else run.champion_tree(name, generation) for name in names],
         play_seeds(seed, games),
         [f"game {number + 1} of {games}" for number in range(games)],
         f"{run.config.name}: the best of generation {generation}",
@@ -279,7 +280,8 @@ def _play_soccer(
     played = [game.arena.trace(programs, seed) for seed in bill.seeds]
     traces = [seen for _, seen in played]
     if trace is not None or video is not None:
-        recording = game_recording(game.settings, traces, trees=bill.trees, name=bill.name, titles=bill.titles)
+        trees = game.trees_of(bill.trees)
+        recording = game_recording(game.settings, traces, trees=trees, name=bill.name, titles=bill.titles)
         if trace is not None:
             write_trace(trace, recording)
         if video is not None:

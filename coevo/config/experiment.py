@@ -39,9 +39,16 @@ class PlayerSettings(Settings, frozen=True, kw_only=True):
     """One robot of a game; robots are named r0, r1, ... in their order."""
 
     team: Annotated[int, Meta(ge=0, le=1)] = 0  # team 0 attacks the goal at x = length, team 1 the one at x = 0
-    control: Literal["evolve", "stationary"] = "evolve"
+    control: Literal["evolve", "stationary", "tree"] = "evolve"
+    tree: str = ""  # with control = "tree": what it plays by for good, such as "IF_ball_is_lost(search, shoot)"
     strength: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0  # share of the speed and turn rate that its drive does
     start: StartSettings
+
+    def __post_init__(self) -> None:
+        if self.tree and self.control != "tree":
+            raise ValueError(f'tree: a robot plays by a given tree where its control = "tree", got {self.control!r}')
+        if self.control == "tree" and not self.tree.strip():
+            raise ValueError('control = "tree" needs a tree, such as tree = "IF_ball_is_lost(search, shoot)"')
 
 
 class GameSettings(Settings, frozen=True, kw_only=True):
@@ -91,6 +98,9 @@ class GPSettings(Settings, frozen=True, kw_only=True):
     crossover_depth_max: Annotated[int, Meta(ge=1, le=90)] = 25  # [T] mutation may exceed it, as Table 6.4 shows
     mutation_depth_max: Annotated[int, Meta(ge=0, le=14)] = 5  # [C] grown subtree
     leaf_probability: Share = 0.1  # [C] of a crossover point, Koza (1992)
+    variation: Literal["genetic", "random"] = "genetic"  # random: all but the elite made anew, as a control
+    # Given trees by name of the role: they take the first places of its first population.
+    start: dict[str, tuple[str, ...]] = msgspec.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         total = self.crossover + self.reproduction + self.mutation
@@ -100,6 +110,9 @@ class GPSettings(Settings, frozen=True, kw_only=True):
             raise ValueError(f"creation_depth_min must be at most creation_depth_max, got {self.creation_depth_min}")
         if self.elite >= self.population:
             raise ValueError(f"elite must be smaller than population {self.population}, got {self.elite}")
+        for name, trees in self.start.items():
+            if len(trees) > self.population:
+                raise ValueError(f"start.{name}: expected at most population {self.population} trees, got {len(trees)}")
 
 
 class FitnessWeights(Settings, frozen=True, kw_only=True):
@@ -128,8 +141,30 @@ class FitnessSettings(Settings, frozen=True, kw_only=True):
 class EvaluationSettings(Settings, frozen=True, kw_only=True):
     """How individuals meet."""
 
-    games: Annotated[int, Meta(ge=1, le=100_000)] = 20  # [T] a grouping
-    grouping: Literal["random"] = "random"  # [T] each individual plays in one grouping a generation
+    games: Annotated[int, Meta(ge=1, le=100_000)] = 20  # [T] that count for each individual of a generation
+    # [T] random: each individual plays in one group a generation. docs/how-to/grouping.md says what the others do.
+    grouping: Literal["random", "partners", "best", "hall-of-fame"] = "random"
+    partners: Annotated[int, Meta(ge=1, le=1000)] = 1  # rounds of new partners, into which the games are divided
+    starts: Literal["own", "common"] = "own"  # common: all groups of a round begin their games alike
+    hall_share: Share = 0.5  # of the rounds, played against champions of earlier generations; with hall-of-fame
+    champion_games: Annotated[int, Meta(ge=0, le=1_000_000)] = 0  # that choose the last champions once more; 0: none
+
+    def __post_init__(self) -> None:
+        if self.grouping == "random" and self.partners > 1:
+            raise ValueError(
+                f'grouping = "random" has one partner a generation, got partners = {self.partners};'
+                ' choose grouping = "partners"'
+            )
+        if self.games % self.partners:
+            raise ValueError(f"partners must divide games {self.games}, got {self.partners}")
+        rounds = self.hall_share * self.partners
+        if self.grouping == "hall-of-fame" and not math.isclose(rounds, round(rounds), abs_tol=1e-9):
+            raise ValueError(
+                f"hall_share of {self.partners} partners must be a whole number of rounds, got {self.hall_share:g};"
+                " choose an even number of partners, or another hall_share"
+            )
+        if self.champion_games % self.games:
+            raise ValueError(f"champion_games must be a multiple of games {self.games}, got {self.champion_games}")
 
 
 class EvolutionSettings(FileSettings, frozen=True, kw_only=True):

@@ -5,19 +5,21 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from coevo.config import EvolutionSettings
-from coevo.evolution.evaluation import Evaluator, Match, group_seeds
-from coevo.evolution.grouping import random_groups
+from coevo.evolution.champions import judge_again
+from coevo.evolution.evaluation import Evaluator, Match
+from coevo.evolution.grouping import Groups, groups_of, line_ups
 from coevo.evolution.population import Individual, breed, codes_of, first_population, origins_of, parents_of
 from coevo.fitness import Scorer
-from coevo.game import Played
+from coevo.game import Played, start_trees
 from coevo.records import Checkpoint, GenerationRecord, Origins
 from coevo.run import Run
-from coevo.tree import FunctionSet, Program
+from coevo.tree import FunctionSet, Program, compile_program, tree_codes
 from coevo.tree.program import measure
 
 __all__ = ["GenerationReport", "evolve"]
@@ -56,40 +58,44 @@ def _summed(outcomes: Sequence[Played], counts: Sequence[str]) -> dict[str, NDAr
 
 
 def _chosen(
-    population: _Population, group: NDArray[np.int64], outcomes: Sequence[Played]
+    population: _Population, groups: NDArray[np.int64], outcomes: Sequence[Played]
 ) -> dict[str, NDArray[np.int64]]:
-    """Return for each terminal (population,), how often each individual chose it in its group's games."""
-    each = np.zeros((len(group), len(population.terminals)), np.int64)
-    for index, (program, played) in enumerate(zip(population.programs, (outcomes[g] for g in group), strict=True)):
+    """Return for each terminal (population,), how often each individual chose it in the games that count for it."""
+    each = np.zeros((len(groups), len(population.terminals)), np.int64)
+    for index, (program, own) in enumerate(zip(population.programs, groups, strict=True)):
         leaves = program.codes < 0
-        np.add.at(each[index], -1 - program.codes[leaves], played.leaf_steps[population.role][leaves])
+        for group in own:
+            np.add.at(each[index], -1 - program.codes[leaves], outcomes[group].leaf_steps[population.role][leaves])
     return dict(zip(population.terminals, each.T, strict=True))
 
 
 def _record(
     population: _Population,
     name: str,
-    individual_of_group: NDArray[np.int64],
+    groups: Groups,
     outcomes: Sequence[Played],
     sums: Mapping[str, NDArray[np.int64]],
-    scorer: Scorer,
-    generation: int,
+    score: Callable[[Mapping[str, NDArray[np.int64]]], NDArray[np.float64]],
 ) -> GenerationRecord:
-    """Score every individual by its group's games."""
-    group = np.empty_like(individual_of_group)
-    group[individual_of_group] = np.arange(len(group))
-    counts = {measure: values[group, population.role] for measure, values in sums.items()}
+    """Score every individual by the games that count for it."""
+    own = groups.of(population.role)
+    by_round = {measure: values[own, population.role] for measure, values in sums.items()}
+    counts = {measure: values.sum(axis=1) for measure, values in by_round.items()}
+    times = own.shape[1]
+    # As much as if all rounds had been like this one: so any fitness is on its own scale, a sum over games or not.
+    rounds = [score({measure: times * values[:, r] for measure, values in by_round.items()}) for r in range(times)]
     return GenerationRecord(
         population.role,
         name,
         population.codes,
-        group,
-        fitness=scorer(counts, generation),
+        own[:, 0],
+        fitness=score(counts),
         counts=counts,
         depth=population.depth,
         nodes=np.array([len(tree) for tree in population.codes], np.int64),
         origins=population.origins,
-        chosen=_chosen(population, group, outcomes),
+        chosen=_chosen(population, own, outcomes),
+        rounds=np.stack(rounds, axis=1) if times > 1 else None,
     )
 
 
@@ -112,9 +118,10 @@ def _rebuild(run: Run, functions: Mapping[int, FunctionSet]) -> Checkpoint:
     """Return what comes after the last finished generation, from the individuals alone."""
     settings, generation = run.config, run.finished - 1
     if generation < 0:
+        start = start_trees(settings.gp, run.game)
         first = {
-            role: first_population(settings.gp, functions[role], seed=settings.seed, robot=role)
-            for role in run.evolving
+            role: first_population(settings.gp, of, seed=settings.seed, robot=role, start=start.get(role, ()))
+            for role, of in functions.items()
         }
         return _checkpoint(0, first, functions)
     records = run.records(generation)
@@ -122,20 +129,29 @@ def _rebuild(run: Run, functions: Mapping[int, FunctionSet]) -> Checkpoint:
     return _checkpoint(generation + 1, following, functions)
 
 
-def _matches(settings: EvolutionSettings, generation: int, teams: Sequence[Sequence[Program | None]]) -> list[Match]:
-    games = settings.evaluation.games
-    return [
-        Match(programs, group_seeds(settings.seed, generation, group, games)) for group, programs in enumerate(teams)
-    ]
+def _matches(run: Run, generation: int, groups: Groups, populations: Sequence[_Population]) -> list[Match]:
+    @cache
+    def best_of(role: int, earlier: int) -> Program:
+        functions = run.game.function_set(role)
+        return compile_program(tree_codes(run.tree(run.evolving[role], earlier), functions), functions)
+
+    teams = line_ups(groups, {population.role: population.programs for population in populations}, best_of)
+    return [Match(programs, groups.seeds(run.config.seed, generation, group)) for group, programs in enumerate(teams)]
 
 
-def evolve(run: Run, evaluator: Evaluator, report: Callable[[GenerationReport], None]) -> None:
-    """Bring a run to its last generation, from wherever it is.
+def evolve(
+    run: Run,
+    evaluator: Evaluator,
+    report: Callable[[GenerationReport], None],
+    tell: Callable[[str], None] = lambda _: None,
+) -> None:
+    """Bring a run to its last generation, from wherever it is, and judge its last champions again if it asks for that.
 
     Args:
         run: new, or interrupted at any instant.
         evaluator: plays the games.
         report: called after each generation, when it is safe on disk.
+        tell: receives a line before what takes long after the last.
 
     Example:
         >>> from pathlib import Path
@@ -163,20 +179,15 @@ def evolve(run: Run, evaluator: Evaluator, report: Callable[[GenerationReport], 
         populations = [
             _Population(role, codes, state.origins[role], functions[role]) for role, codes in state.populations.items()
         ]
-        groups = random_groups(settings.gp.population, len(populations), seed=settings.seed, generation=generation)
-        teams: list[list[Program | None]] = []
-        for row in groups:
-            members: list[Program | None] = [None] * len(game.roles)
-            for population, individual in zip(populations, row, strict=True):
-                members[population.role] = population.programs[individual]
-            teams.append(members)
+        groups = groups_of(settings, game.roles, generation)
+        matches = _matches(run, generation, groups, populations)
         playing = time.perf_counter()
-        outcomes = list(evaluator.play(_matches(settings, generation, teams)))
+        outcomes = list(evaluator.play(matches))
         played = time.perf_counter()
         sums = _summed(outcomes, game.counts)
         records = [
-            _record(population, game.roles[population.role].name, groups[:, i], outcomes, sums, scorer, generation)
-            for i, population in enumerate(populations)
+            _record(of, run.evolving[of.role], groups, outcomes, sums, partial(scorer, generation=generation))
+            for of in populations
         ]
         state = Checkpoint(generation + 1, state.populations, state.origins)  # the last one stays as it is
         if generation + 1 < settings.gp.generations:
@@ -187,10 +198,12 @@ def evolve(run: Run, evaluator: Evaluator, report: Callable[[GenerationReport], 
         report(
             GenerationReport(
                 generation,
-                games=len(outcomes) * settings.evaluation.games,
+                games=len(groups) * groups.games,
                 best={r.robot: float(r.fitness.min()) for r in records},
                 mean={r.robot: float(r.fitness.mean()) for r in records},
                 playing_seconds=played - playing,
                 other_seconds=time.perf_counter() - played + (playing - began),
             )
         )
+    if not run.is_finished:
+        judge_again(run, evaluator, tell)

@@ -11,10 +11,10 @@ from deap import base, gp, tools
 from numpy.typing import NDArray
 
 from coevo.config import GPSettings
-from coevo.game import Game
+from coevo.game import Game, start_trees
 from coevo.records import OPERATORS, Origins
 from coevo.seeds import RunStream, global_random
-from coevo.tree import FunctionSet, Tree, from_codes
+from coevo.tree import FunctionSet, Tree, from_codes, tree_codes
 
 __all__ = [
     "Individual",
@@ -105,11 +105,27 @@ def parents_of(
     return parents
 
 
-def first_population(settings: GPSettings, functions: FunctionSet, *, seed: int, robot: int) -> list[Individual]:
-    """Return the first population of one robot: ramped half and half."""
-    primitives, low, high = functions.primitives, settings.creation_depth_min, settings.creation_depth_max
+def first_population(
+    settings: GPSettings, functions: FunctionSet, *, seed: int, robot: int, start: Sequence[Tree] = ()
+) -> list[Individual]:
+    """Return the first population of one robot: given trees, and then ramped half and half.
+
+    Args:
+        settings: Table 6.3.
+        functions: the robot's function set.
+        seed, robot: identify the random stream.
+        start: given trees; those that they take the places of are drawn all the same, so that the others stay as they
+            are.
+    """
     with global_random(seed, RunStream.CREATION, robot):
-        return [Individual(gp.genHalfAndHalf(primitives, low, high)) for _ in range(settings.population)]
+        drawn = [_created(settings, functions) for _ in range(settings.population)]
+    given = [individual_of(tree_codes(tree, functions), functions) for tree in start]
+    return [*given, *drawn[len(given) :]]
+
+
+def _created(settings: GPSettings, functions: FunctionSet) -> Individual:
+    low, high = settings.creation_depth_min, settings.creation_depth_max
+    return Individual(gp.genHalfAndHalf(functions.primitives, low, high))
 
 
 def random_teams(game: Game, settings: GPSettings, *, seed: int, teams: int) -> list[list[Tree | None]]:
@@ -123,7 +139,11 @@ def random_teams(game: Game, settings: GPSettings, *, seed: int, teams: int) -> 
     """
     roles = range(len(game.roles))
     functions = {role: game.function_set(role) for role in roles if game.roles[role].evolves}
-    first = {role: first_population(settings, of, seed=seed, robot=role)[:teams] for role, of in functions.items()}
+    start = start_trees(settings, game)
+    first = {
+        role: first_population(settings, of, seed=seed, robot=role, start=start.get(role, ()))[:teams]
+        for role, of in functions.items()
+    }
     size = min(teams, settings.population)
     return [
         [None if r not in first else from_codes(codes_of(first[r][i], functions[r]), functions[r]) for r in roles]
@@ -143,7 +163,8 @@ def breed(
     """Return the population of the next generation.
 
     The best survive as they are; the rest comes from parents chosen by tournament, by crossover (a child deeper
-    than the limit is replaced by its parent), reproduction or mutation (a grown subtree).
+    than the limit is replaced by its parent), reproduction or mutation (a grown subtree). With ``variation = "random"``
+    the rest is created as the first population was.
 
     Args:
         parents: the population with its fitness assigned: (fitness, depth).
@@ -174,6 +195,8 @@ def breed(
             return copy(tools.selTournament(parents, 1, settings.tournament)[0], "reproduction")
 
         children = [copy(parent, "elite") for parent in tools.selBest(parents, settings.elite)]
+        if settings.variation == "random":
+            return [*children, *(_created(settings, functions) for _ in range(settings.population - len(children)))]
         while len(children) < settings.population:
             chance = random.random()
             if chance < settings.crossover:

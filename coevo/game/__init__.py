@@ -2,8 +2,9 @@
 
 from coevo.game.arena import Arena, Outcome, StartsDoNotFitError, Trace, load_bank, warm_up
 from coevo.game.contract import Game, Played, Role, check_game, check_played, programs_of, teams_of, terminals_of
-from coevo.game.make import check_playable, make_game, own_references, prepare
-from coevo.game.soccer import SoccerGame, function_set
+from coevo.game.functions import function_set, given_trees
+from coevo.game.make import check_playable, make_game, own_references, prepare, start_trees
+from coevo.game.soccer import SoccerGame
 
 __all__ = [
     "Arena",
@@ -18,11 +19,13 @@ __all__ = [
     "check_playable",
     "check_played",
     "function_set",
+    "given_trees",
     "load_bank",
     "make_game",
     "own_references",
     "prepare",
     "programs_of",
+    "start_trees",
     "teams_of",
     "terminals_of",
     "warm_up",

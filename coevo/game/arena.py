@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from coevo.compiled import is_compiled
 from coevo.config import PlayerSettings, RunSettings
 from coevo.errors import InputError
+from coevo.game.functions import given_programs
 from coevo.game.kernels import Match, Programs, Score, play
 from coevo.skill import SkillBank, check_world, load_skill, make_bank
 from coevo.soccer.conditions import condition_table
@@ -67,29 +68,30 @@ class Arena:
         self.settings = settings
         players = settings.players
         self.bank = load_bank(settings)
-        evolves = [player.control == "evolve" for player in players]
+        acts = [player.control != "stationary" for player in players]
         self._venue = make_venue(
             settings.world,
             self.bank,
             event_params(settings.world),
-            roles=[TREE if one else STANDING for one in evolves],
+            roles=[TREE if one else STANDING for one in acts],
             teams=[player.team for player in players],
             mates=_mates(players),
         )
-        self._venue.stage.roles.sees[:] = evolves
+        self._venue.stage.roles.sees[:] = acts
         self._venue.stage.roles.share[:] = [player.strength for player in players]
         self._regions = regions([player.start for player in players], settings.game.ball_start)
         self._conditions = condition_table(len(players), settings.categories, settings.conditions)
+        self._given = given_programs(settings)
 
     def play(self, programs: Sequence[Program | None], seeds: NDArray[np.uint64]) -> Outcome:
         """Play one game a seed.
 
         Args:
-            programs: a flat program for each robot that evolves, None for one that stands.
+            programs: a flat program for each robot that evolves, None for one that stands or has a given tree.
             seeds: (games,) uint64; the same seed is the same game, whatever was played before.
 
         Raises:
-            ValueError: a robot that evolves has no program, or one that stands has one.
+            ValueError: a robot that evolves has no program, or another has one.
             StartsDoNotFitError: the bodies do not fit into the regions where they start.
         """
         return self._run(programs, seeds, no_tape())
@@ -104,9 +106,10 @@ class Arena:
         robots, games = len(self.settings.players), len(seeds)
         for robot, (player, program) in enumerate(zip(self.settings.players, programs, strict=True)):
             if (player.control == "evolve") != (program is not None):
-                needs = "a program" if program is None else "none, as it stands"
+                why = "stands" if player.control == "stationary" else "has a given tree"
+                needs = "a program" if program is None else f"none, as it {why}"
                 raise ValueError(f"the robot r{robot} needs {needs}")
-        joined = _joined(programs)
+        joined = _joined([own or given for own, given in zip(programs, self._given, strict=True)])
         counts = [np.zeros((games, robots), np.int64) for _ in range(4)]
         score = Score(np.zeros(games, np.int64), np.zeros(games, np.int64), *counts)
         match = Match(self._venue.stage, self._conditions, joined, tape, np.full(1, -1))

@@ -23,7 +23,7 @@ __all__ = ["Game", "Played", "Role", "check_game", "check_played", "programs_of"
 _NAME = re.compile(r"[A-Za-z]\w{0,31}", re.ASCII)
 # Columns of a run folder that are not counts of a game, as those are not that begin with CHOSE.
 _TAKEN = {"generation", "robot", "index", "group", "fitness", "depth", "nodes", "tree", "operator"} | {
-    *("parent_1", "parent_2", "fitness_best", "fitness_mean", "fitness_worst"),
+    *("parent_1", "parent_2", "rounds", "fitness_best", "fitness_mean", "fitness_worst"),
     *(f"{size}_{which}" for size in ("depth", "nodes") for which in ("best", "mean", "worst")),
 }
 

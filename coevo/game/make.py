@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from coevo.config import EvolutionSettings, ForeignSettings, RunSettings
-from coevo.errors import InputError
+from coevo.config import EvolutionSettings, ForeignSettings, GPSettings, RunSettings
+from coevo.errors import InputError, nearest_name
 from coevo.game.arena import warm_up
 from coevo.game.contract import Game, check_game
 from coevo.game.soccer import SoccerGame
 from coevo.plugins import load_callable, own_failure
+from coevo.tree import Tree, parse
 
-__all__ = ["check_playable", "make_game", "own_references", "prepare"]
+__all__ = ["check_playable", "make_game", "own_references", "prepare", "start_trees"]
 
 
 def make_game(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Game:
@@ -53,12 +54,36 @@ def check_playable(settings: EvolutionSettings, folders: Sequence[Path] = ()) ->
     """Make the game of an experiment with all that it needs to be played, so that what is wrong is told beforehand.
 
     Raises:
-        InputError: as of ``make_game``; or a skill or a condition cannot be used.
+        InputError: as of ``make_game``; or a skill, a condition or a given tree cannot be used.
     """
     game = make_game(settings, folders)
+    start_trees(settings.gp, game)
     if isinstance(game, SoccerGame):
         assert game.arena.bank
     return game
+
+
+def start_trees(settings: GPSettings, game: Game) -> dict[int, list[Tree]]:
+    """Return the trees that the first populations begin with, by the number of the role.
+
+    Raises:
+        InputError: there is no such role, it does not evolve, or a tree is none of its trees.
+    """
+    names = {role.name: number for number, role in enumerate(game.roles) if role.evolves}
+    found: dict[int, list[Tree]] = {}
+    for name, texts in settings.start.items():
+        if name not in names:
+            evolving = ", ".join(names)
+            raise InputError(
+                f"gp.start: {name!r} is no role that evolves.{nearest_name(name, names)} Known: {evolving}"
+            )
+        functions = game.function_set(names[name])
+        for place, text in enumerate(texts):
+            try:
+                found.setdefault(names[name], []).append(parse(text, functions))
+            except InputError as error:
+                raise InputError(f"gp.start.{name}.{place}: {str(error).removeprefix('tree: ')}") from None
+    return found
 
 
 def prepare(settings: EvolutionSettings, tell: Callable[[str], None]) -> None:

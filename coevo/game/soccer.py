@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -11,31 +11,10 @@ from numpy.typing import NDArray
 from coevo.config import RunSettings
 from coevo.game.arena import Arena, Outcome
 from coevo.game.contract import Played, Role
-from coevo.skill import skill_description
-from coevo.soccer.conditions import Condition, function_names, soccer_conditions, things_of
-from coevo.tree import FunctionSet, Program, object_situations
-from coevo.vocabulary import SKILLS
+from coevo.game.functions import function_sets, given_trees
+from coevo.tree import FunctionSet, Program, Tree
 
-__all__ = ["SoccerGame", "function_set"]
-
-
-def function_set(
-    robot: int,
-    robots: int,
-    added: Iterable[Condition] = (),
-    terminals: Sequence[str] = SKILLS,
-    descriptions: Mapping[str, str] | None = None,
-) -> FunctionSet:
-    """Return the function set of one of ``robots`` robots: 28 functions with two, 35 with three (6.4.1, 6.4.2).
-
-    Args:
-        robot, robots: who asks, and how many there are.
-        added: conditions beside those of Table 6.1; their functions come after all of these.
-        terminals: names of the skills.
-        descriptions: what the skills do, in words.
-    """
-    situations = tuple(object_situations(thing) for thing in things_of(robot, robots))
-    return FunctionSet(function_names(robot, robots, added), tuple(terminals), situations, descriptions or {})
+__all__ = ["SoccerGame"]
 
 
 class SoccerGame:
@@ -77,15 +56,15 @@ class SoccerGame:
 
     @cached_property
     def _functions(self) -> tuple[FunctionSet, ...]:
-        _, added = soccer_conditions(self.settings.categories, self.settings.conditions)
-        robots = len(self.roles)
-        terminals = self.settings.terminals
-        said = {name: words for name, source in terminals.items() if (words := skill_description(source))}
-        return tuple(function_set(robot, robots, added, tuple(terminals), said) for robot in range(robots))
+        return function_sets(self.settings)
 
     def function_set(self, role: int) -> FunctionSet:
         """Return what the trees of a robot are made of."""
         return self._functions[role]
+
+    def trees_of(self, trees: Sequence[Tree | None]) -> list[Tree | None]:
+        """Return the trees that everybody plays by: those of the robots that evolve, and those that settings give."""
+        return [own or given for own, given in zip(trees, given_trees(self.settings), strict=True)]
 
     def play(self, programs: Sequence[Program | None], seeds: NDArray[np.uint64]) -> Played:
         """Play one game a seed; see ``coevo.game.contract.Game`` and ``Arena.play``."""
@@ -103,4 +82,6 @@ class SoccerGame:
             "passes": outcome.passes,
             "own_goals": outcome.own_goals,
         }
-        return Played(counts, outcome.scorer, outcome.leaf_steps)
+        none = np.zeros(0, np.int64)  # a tree that is given for good is nobody's to ask about
+        leaves = [s if role.evolves else none for s, role in zip(outcome.leaf_steps, self.roles, strict=True)]
+        return Played(counts, outcome.scorer, leaves)

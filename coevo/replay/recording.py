@@ -118,7 +118,7 @@ def game_recording(
     players = settings.players
     given = list(trees) or [None] * len(players)
     actors = tuple(
-        Actor(f"r{number}", player.team, player.control == "evolve", tree)
+        Actor(f"r{number}", player.team, player.control != "stationary", tree)
         for number, (player, tree) in enumerate(zip(players, given, strict=True))
     )
     takes = []

@@ -16,12 +16,12 @@ import analysis.charts
 from analysis.commands import curves
 from analysis.curve_chart import chart, words_for
 from analysis.curves import COLUMNS, STATISTICS, choose, overview, summary, table
-from analysis.diversity import distinct_trees, evenness, top_of
 from analysis.groups import group_names, open_runs, run_names
 from coevo.config import check_experiment, override, read_toml
 from coevo.errors import InputError
 from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
+from coevo.measures import distinct_trees, evenness, top_of
 from coevo.run import create_run, open_run
 from coevo.tree import FunctionSet, parse, tree_codes
 

@@ -1,0 +1,94 @@
+"""A folder whose files are written whole or not at all, by one process at a time, and what is found out about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coevo.errors import InputError
+from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, write_whole
+
+__all__ = ["Folder", "save_whole", "writing"]
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn failures of writing into messages for the user."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(
+            f"cannot write {path}: {reason}. What was saved before is intact; mend this and go on with 'coevo resume'"
+        ) from None
+
+
+def save_whole(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all; what goes wrong is told in words."""
+    with writing(path):
+        write_whole(path, data)
+
+
+class Folder:
+    """A folder on disk.
+
+    Args:
+        path: where it is.
+        identity: of what it is about; results that were kept under another are refused.
+    """
+
+    def __init__(self, path: Path, identity: bytes) -> None:
+        self.path, self._identity = path, identity
+
+    @property
+    def results(self) -> list[str]:
+        """Names of what is kept of contests and the like."""
+        return sorted(path.stem for path in (self.path / "results").glob("*.npz"))
+
+    def save_result(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Keep arrays that were found out about this run, whole or not at all."""
+        kept = {**arrays, "run": np.frombuffer(self._identity, np.uint8)}
+        path = self.path / "results" / f"{name}.npz"
+        with writing(path):
+            path.parent.mkdir(exist_ok=True)
+        save_whole(path, pack_arrays({**kept, "digest": digest_of(kept)}))
+
+    def result(self, name: str) -> dict[str, NDArray[Any]] | None:
+        """Return what was kept under a name, None if nothing was.
+
+        Raises:
+            InputError: it is damaged or belongs to another run.
+        """
+        path = self.path / "results" / f"{name}.npz"
+        if not path.exists():
+            return None
+        remedy = "delete it; it is made anew when it is asked for"
+        try:
+            arrays = read_arrays(path)
+            if not np.array_equal(arrays.pop("digest"), digest_of(arrays)):
+                raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
+            if bytes(arrays.pop("run")) != self._identity:
+                raise InputError(f"{path} belongs to another run; {remedy}")
+        except (LookupError, OSError, DamagedFileError, TypeError, ValueError) as error:
+            raise InputError(f"{path} is damaged ({error}); {remedy}") from None
+        return arrays
+
+    def lock(self) -> Callable[[], None]:
+        """Keep other processes from writing into this run; return what lets go of it."""
+        try:
+            import fcntl
+        except ImportError:  # no such locks on this system
+            return lambda: None
+        with writing(self.path):
+            file = (self.path / ".lock").open("w")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            file.close()
+            raise InputError(f"{self.path} is being written by another coevo process; wait for it or stop it") from None
+        return file.close

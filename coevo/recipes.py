@@ -42,7 +42,7 @@ def recipe_names(kind: str) -> list[str]:
 
     Example:
         >>> from coevo.recipes import recipe_names
-        >>> recipe_names("evolution")
+        >>> [name for name in recipe_names("evolution") if "/" not in name]
         ['smoke', 'stationary-opponent', 'three-learners', 'two-learners']
     """
     return sorted(name for name, path in _found().items() if _kind_of(path) == kind)

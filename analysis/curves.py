@@ -158,7 +158,8 @@ def _named(name: str, curves: pd.DataFrame) -> list[str]:
 
 def overview(curves: pd.DataFrame) -> list[str]:
     """Return what to look at first: fitness, what the game counts, depth and nodes, as far as all runs have them."""
-    return [name for name in _shared(curves) if not name.startswith(tuple(f"{family}_" for family in _FAMILIES))]
+    besides = ("repeatability", *(f"{family}_" for family in _FAMILIES))
+    return [name for name in _shared(curves) if not name.startswith(besides)]
 
 
 def _shared(curves: pd.DataFrame) -> list[str]:

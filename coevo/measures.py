@@ -66,15 +66,15 @@ def evenness(tops: Sequence[tuple[int, ...]]) -> float:
         (1.0, 0.0, 0.5)
     """
     shares = np.array(list(Counter(tops).values())) / len(tops)
-    return abs(float(-(shares * np.log(shares)).sum() / np.log(len(tops)))) if len(tops) > 1 else 0.0
+    return min(abs(float(-(shares * np.log(shares)).sum() / np.log(len(tops)))), 1.0) if len(tops) > 1 else 0.0
 
 
 def repeatability(rounds: NDArray[np.float64]) -> float:
     """Return which share of the variance of fitness another evaluation of the same size would find again.
 
-    The intraclass correlation of the mean over rounds, ICC(C, k) of McGraw and Wong (1996, "Forming inferences about some
-    intraclass correlation coefficients"): 1 if the rounds agree about every difference, 0 if they agree about none;
-    below 0 they agree less than by chance. What a round does to all individuals alike, such as common starts or
+    The intraclass correlation of the mean over rounds, ICC(C, k) of McGraw and Wong (1996, "Forming inferences about
+    some intraclass correlation coefficients"): 1 if the rounds agree about every difference, 0 if they agree about
+    none; below 0 they agree less than by chance. What a round does to all individuals alike, such as common starts or
     opponents that are hard for everybody, is no disagreement.
 
     Args:
@@ -102,8 +102,8 @@ def repeatability(rounds: NDArray[np.float64]) -> float:
 def measures_of(record: GenerationRecord, functions: FunctionSet, games: int) -> dict[str, float]:
     """Return what is measured of one role in one generation, by name; NaN for what cannot be.
 
-    ``repeatability``; ``diversity_trees``, the share of different trees; ``diversity_tops``, how different they are near
-    the root; ``passes``, a game, in the mean over individuals.
+    ``repeatability``; ``diversity_trees``, the share of different trees; ``diversity_tops``, how different they are
+    near the root; ``passes``, a game, in the mean over individuals.
 
     Args:
         record: its individuals.

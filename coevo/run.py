@@ -186,14 +186,22 @@ class Run(Folder):
         if not self.config.evaluation.champion_games or not path.exists():
             return None
         try:
-            table = pd.read_csv(path, dtype={"robot": str})
-            right = table.columns.tolist() == list(CHAMPION_COLUMNS)
-            if not right or table["robot"].tolist() != list(self.evolving.values()) or table.isna().any(axis=None):
+            table = pd.read_csv(path, dtype=str)  # and then by Python's float, which is exact
+            if (
+                table.columns.tolist() != list(CHAMPION_COLUMNS)
+                or table.isna().any(axis=None)
+                or table["robot"].tolist() != list(self.evolving.values())
+            ):
                 raise ValueError("it has other columns or robots")
+            for name in table.columns.drop("robot"):
+                table[name] = table[name].map(float if name.startswith("fitness") else int)
         except (ValueError, OSError) as error:
-            remedy = f"delete it; 'coevo resume {self.path}' makes it anew"
-            raise InputError(f"{path} is damaged ({error}); {remedy}") from None
+            raise self._damaged_champions(str(error)) from None
         return table
+
+    def _damaged_champions(self, why: str) -> InputError:
+        remedy = f"delete it; 'coevo resume {self.path}' makes it anew"
+        return InputError(f"{self.path / _CHAMPIONS} is damaged ({why}); {remedy}")
 
     def champion(self, robot: str, generation: int) -> tuple[int, int]:
         """Return generation and rank of the champion of a role in a generation.
@@ -202,11 +210,15 @@ class Run(Folder):
         random search may have found earlier.
         """
         table = self.champions() if generation == self.config.gp.generations - 1 else None
-        if table is None:
+        if table is None or robot not in self.evolving.values():
             return generation, 0
         row = table[table["robot"] == robot].iloc[0]
         found = int(row["generation"])
-        return found, int((self.record(found, robot)["index"] == row["index"]).to_numpy().argmax())
+        rows = self.record(found, robot)
+        places = np.flatnonzero((rows["index"] == row["index"]) & (rows["fitness"] == row["fitness"]))
+        if len(places) != 1:
+            raise self._damaged_champions(f"{robot} has no such individual in generation {found}")
+        return found, int(places[0])
 
     def champion_tree(self, robot: str, generation: int) -> Tree:
         """Return the tree of ``champion``."""
@@ -306,10 +318,10 @@ class Run(Folder):
 
     def records(self, generation: int) -> list[GenerationRecord]:
         """Return what was saved of a generation, a record a role."""
-        found = []
+        part, found = self._part(generation), []
         for role, robot in self.evolving.items():
-            rows = self.record(generation, robot)
-            found.append(read_record(role, robot, rows, self.game.counts, self.game.function_set(role).terminals))
+            rows, terminals = part[part["robot"] == robot], self.game.function_set(role).terminals
+            found.append(read_record(role, robot, rows, self.game.counts, terminals))
         return found
 
     def save_checkpoint(self, checkpoint: Checkpoint) -> None:

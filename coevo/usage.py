@@ -22,6 +22,7 @@ from coevo.tree.rules import Rule, in_words, leaf_rules
 __all__ = [
     "TreeUsage",
     "UsedTree",
+    "champions_in_words",
     "group_trees",
     "last_generation",
     "merge_usage",
@@ -132,6 +133,12 @@ def last_generation(run: Run) -> int:
     return max(run.finished - 1, 0)
 
 
+def champions_in_words(run: Run, generation: int) -> str:
+    """Return what the champions of a generation are called."""
+    last = generation == run.config.gp.generations - 1 and run.champions() is not None
+    return f"the champions of generation {generation}" if last else f"the best of generation {generation}"
+
+
 def used_tree(run: Run, robot: str | None = None, generation: int | None = None, rank: int | None = None) -> UsedTree:
     """Play the games of a tree again and return it with its use.
 
@@ -146,8 +153,7 @@ def used_tree(run: Run, robot: str | None = None, generation: int | None = None,
     """
     robot = robot or next(iter(run.evolving.values()))
     generation = last_generation(run) if generation is None else generation
-    champion = run.champion(robot, generation) if robot in run.evolving.values() else (generation, 0)
-    found, place = champion if rank is None else (generation, rank)
+    found, place = run.champion(robot, generation) if rank is None else (generation, rank)
     tree, rows = run.tree(robot, found, place), run.record(found, robot)
     index = int(rows["index"].iloc[place])
     return UsedTree(
@@ -161,17 +167,18 @@ def used_tree(run: Run, robot: str | None = None, generation: int | None = None,
         float(rows["fitness"].iloc[place]),
         rows["fitness"].to_numpy(np.float64),
         index,
-        _again(run, robot) if (found, place) == champion else None,
+        _again(run, robot, found, index),
     )
 
 
-def _again(run: Run, robot: str) -> tuple[float, int] | None:
-    """Return fitness and games of a robot's last champion when it was judged again, None if it was not."""
+def _again(run: Run, robot: str, generation: int, index: int) -> tuple[float, int] | None:
+    """Return fitness and games of an individual when it was judged again, None if it is not the chosen champion."""
     table = run.champions()
     if table is None:
         return None
     row = table[table["robot"] == robot].iloc[0]
-    return float(row["fitness_again"]), int(row["games"])
+    chosen = (int(row["generation"]), int(row["index"])) == (generation, index)
+    return (float(row["fitness_again"]), int(row["games"])) if chosen else None
 
 
 def play_seeds(seed: int, games: int) -> NDArray[np.uint64]:
@@ -180,7 +187,8 @@ def play_seeds(seed: int, games: int) -> NDArray[np.uint64]:
 
 
 def _groups(run: Run, generation: int, group: int) -> Groups:
-    run.record(generation, next(iter(run.evolving.values())))  # there must be such a generation
+    if not 0 <= generation < run.finished:
+        run.records(generation)  # says which there are
     groups = groups_of(run.config, run.game.roles, generation)
     if not 0 <= group < len(groups):
         raise InputError(f"generation {generation} of {run.path} has the groups 0 to {len(groups) - 1}, got {group}")

@@ -126,11 +126,12 @@ def small_run(small_settings, go_on, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def results_of():
-    """Return a function that gives the bytes of a run's generations.csv and of its parts of individuals."""
+    """Return a function that gives the bytes of a run's tables and of its parts of individuals."""
 
     def read(folder):
         parts = sorted((Path(folder) / "individuals.parquet").iterdir())
-        return {path.name: path.read_bytes() for path in [Path(folder) / "generations.csv", *parts]}
+        tables = sorted(Path(folder).glob("*.csv"))
+        return {path.name: path.read_bytes() for path in [*tables, *parts]}
 
     return read
 

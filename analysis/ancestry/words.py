@@ -73,13 +73,14 @@ def _listed(parts: Sequence[str]) -> str:
 
 
 def _by_origin(origins: Sequence[dict[str, Any]], what: str) -> str:
-    """Say how many nodes came from the first generation and how many from which mutations."""
+    """Say how many nodes were created, in the first generation as a rule, and how many came from which mutations."""
     created = sum(origin[what] for origin in origins if origin["operator"] == "creation")
+    first = min((origin["generation"] for origin in origins if origin["operator"] == "creation"), default=0)
     mutated = [origin for origin in origins if origin["operator"] == "mutation" and origin[what]]
     total = sum(origin[what] for origin in mutated)
     if not mutated:
-        return "all from generation 0"
-    parts = [f"{created} from generation 0"] if created else []
+        return f"all from generation {first}"
+    parts = [f"{created} from generation {first}"] if created else []
     largest = sorted(mutated, key=lambda origin: -origin[what])[:_MOST]
     told = [f"{origin[what]} in generation {origin['generation']}" for origin in mutated if origin in largest]
     rest = total - sum(origin[what] for origin in largest)

@@ -25,7 +25,7 @@ from coevo.evolution.evaluation import Evaluator
 from coevo.game import SoccerGame, programs_of
 from coevo.replay import game_recording, make_page
 from coevo.run import Run
-from coevo.usage import UsedTree, play_seeds, used_tree
+from coevo.usage import UsedTree, champions_in_words, play_seeds, used_tree
 
 __all__ = ["Findings", "find_out"]
 
@@ -117,5 +117,5 @@ def _replay(run: Run) -> str:
     trees = [None if name is None else run.champion_tree(name, run.finished - 1) for name in names]
     programs = programs_of(game, trees)
     traces = [game.arena.trace(programs, seed)[1] for seed in play_seeds(run.config.seed, _WATCHED)]
-    name = f"{run.config.name}: the best of generation {run.finished - 1}"
+    name = f"{run.config.name}: {champions_in_words(run, run.finished - 1)}"
     return make_page(game_recording(game.settings, traces, trees=game.trees_of(trees), name=name))

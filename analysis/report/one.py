@@ -205,12 +205,12 @@ def _ancestry(findings: Findings) -> Section:
     from analysis.ancestry.charts import family_chart, origin_chart
 
     parts: list[Part] = []
-    for found in findings.ancestries:
+    for tree, found in zip(findings.trees, findings.ancestries, strict=True):
         if isinstance(found, str):
             parts.append(Text(found))
             continue
         parts.append(Heading(found.robot))
-        parts += [Text(text) for text in sentences(summary(found))]
+        parts += [Text(text) for text in sentences(summary(found), tree.rank)]
         parts += [
             figure(
                 f"Ancestors of the champion of {found.robot}",

@@ -84,7 +84,8 @@ def read_outsider(run: Run, text: str) -> Outsider:
         last = other.finished - 1
         if last < 0:
             raise InputError(f"{folder} has no finished generation")
-        return _checked(run, Outsider(text, tuple((role, str(other.tree(n, last))) for n, role in names.items())))
+        champions = tuple((role, str(other.champion_tree(name, last))) for name, role in names.items())
+        return _checked(run, Outsider(text, champions))
     given = [part.strip() for part in text.split("+")]
     trees = []
     for team in evolving_teams(run.game):

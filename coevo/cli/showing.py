@@ -221,16 +221,17 @@ class _Bill(NamedTuple):
 
 
 def _new_games(run: Run, generation: int, games: int, seed: int) -> _Bill:
-    from coevo.usage import play_seeds
+    from coevo.usage import champions_in_words, play_seeds
 
+    who = champions_in_words(run, generation)
     names = [run.evolving.get(role) for role in range(len(run.game.roles))]
     return _Bill(
         run.game,
         [None if name is None else run.champion_tree(name, generation) for name in names],
         play_seeds(seed, games),
         [f"game {number + 1} of {games}" for number in range(games)],
-        f"{run.config.name}: the best of generation {generation}",
-        f"{games} games between the best of generation {generation} (seed {seed})",
+        f"{run.config.name}: {who}",
+        f"{games} games between {who} (seed {seed})",
         {"seed": seed},
     )
 

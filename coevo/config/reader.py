@@ -182,7 +182,7 @@ def _arguments(kind: Any) -> list[Any]:
 
 
 def _look_up(data: Any, path: str) -> Any:
-    for part in path.split("."):
+    for part in path.split(".") if path else []:
         if isinstance(data, Mapping):
             data = data.get(part)
         elif isinstance(data, list | tuple) and part.isdigit() and int(part) < len(data):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from coevo.game import Played, start_trees
 from coevo.levels import Levels
 from coevo.records import Checkpoint, GenerationRecord, Origins
 from coevo.run import Run
-from coevo.tree import FunctionSet, Program, compile_program, tree_codes
+from coevo.tree import FunctionSet, Program, compile_program
 from coevo.tree.program import measure
 
 __all__ = ["GenerationReport", "evolve"]
@@ -132,13 +132,26 @@ def _rebuild(run: Run, functions: Mapping[int, FunctionSet]) -> Checkpoint:
     return _checkpoint(generation + 1, following, functions)
 
 
-def _matches(run: Run, generation: int, groups: Groups, populations: Sequence[_Population]) -> list[Match]:
-    @cache
-    def best_of(role: int, earlier: int) -> Program:
-        functions = run.game.function_set(role)
-        return compile_program(tree_codes(run.tree(run.evolving[role], earlier), functions), functions)
+class _Best:
+    """The best of each role in each finished generation, as programs: those that may be guests."""
 
-    teams = line_ups(groups, {population.role: population.programs for population in populations}, best_of)
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._kept: dict[tuple[int, int], Program] = {}
+
+    def keep(self, generation: int, records: Sequence[GenerationRecord]) -> None:
+        for record in records:
+            codes, functions = record.codes[record.order[0]], self._run.game.function_set(record.role)
+            self._kept[record.role, generation] = compile_program(codes, functions)
+
+    def __call__(self, role: int, generation: int) -> Program:
+        if (role, generation) not in self._kept:  # it was played before the run was stopped
+            self.keep(generation, self._run.records(generation))
+        return self._kept[role, generation]
+
+
+def _matches(run: Run, generation: int, groups: Groups, populations: Sequence[_Population], best: _Best) -> list[Match]:
+    teams = line_ups(groups, {population.role: population.programs for population in populations}, best)
     return [Match(programs, groups.seeds(run.config.seed, generation, group)) for group, programs in enumerate(teams)]
 
 
@@ -182,6 +195,7 @@ def evolve(
     run.save_environment()
     functions = {role: game.function_set(role) for role in run.evolving}
     state = run.checkpoint() or _rebuild(run, functions)
+    best = _Best(run)
     levels = Levels(settings, game, run.level_records(state.generation))
     if state.generation == 0:
         levels.try_out(run.folders)
@@ -192,7 +206,7 @@ def evolve(
             _Population(role, codes, state.origins[role], functions[role]) for role, codes in state.populations.items()
         ]
         groups = groups_of(settings, game.roles, generation)
-        matches = _matches(run, generation, groups, populations)
+        matches = _matches(run, generation, groups, populations, best)
         playing = time.perf_counter()
         outcomes = list(evaluator.play(matches, levels.settings))
         played = time.perf_counter()
@@ -208,6 +222,7 @@ def evolve(
         level = levels.observe(_contemporary(groups, outcomes))
         run.save_generation(generation, records, level)
         run.save_checkpoint(state)
+        best.keep(generation, records)
         report(
             GenerationReport(
                 generation,

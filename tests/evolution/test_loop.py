@@ -15,11 +15,11 @@ import pytest
 
 from coevo.errors import InputError
 from coevo.evolution.evaluation import Evaluator, Match, check_backend, group_seeds
-from coevo.evolution.grouping import random_groups
 from coevo.evolution.population import breed, codes_of, first_population, individual_of
 from coevo.fitness import fixed, varying
 from coevo.game import Arena, SoccerGame, function_set
 from coevo.run import create_run
+from coevo.seeds import RunStream, generator
 from coevo.tree import compile_program, from_codes
 from coevo.vocabulary import SKILLS
 
@@ -71,6 +71,12 @@ def run(request):
 def read(run):
     """Return all individuals, read without this package."""
     return pd.read_parquet(run.path / "individuals.parquet")
+
+
+def random_groups(population, robots, *, seed, generation):
+    """Return (groups, robots) who is in which group, as the dissertation has it: every robot's individuals shuffled."""
+    random = generator(seed, RunStream.GROUPING, generation)
+    return np.stack([random.permutation(population) for _ in range(robots)], axis=1)
 
 
 def evolving(run):

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
 
-from coevo.game import Arena, SoccerGame
+from coevo.errors import InputError
+from coevo.game import Arena, SoccerGame, check_playable
 from coevo.plain import PlainGame
 from coevo.skill import ObjectModel, Skill, load_skill
 from coevo.skill.model import OBJECT_KINDS
+from coevo.tree import parse
 from coevo.vocabulary import SKILLS
 
 PRESETS = ("two-learners", "stationary-opponent", "three-learners", "smoke")
@@ -142,6 +145,55 @@ def test_games_of_added_conditions_and_skills_are_those_of_the_plain_loop(
     different, outcomes = play_both(settings, trees, seeds_of(6, count=20))
     assert np.all(sum(outcome.skill_steps for outcome in outcomes).sum(axis=0) > 0)  # each of the six terminals acts
     assert different == []
+
+
+GIVEN = ("players.2.control=tree", "players.2.tree='IF_r0_is_lost(search, IF_ball_is_large(shoot, pass))'")
+
+
+def test_a_given_tree_plays_the_games_of_the_plain_loop_and_those_of_the_same_tree_that_evolves(
+    settings_of, random_trees, seeds_of, play_both, programs
+):
+    settings = settings_of("three-learners", "game.time_limit_steps=200", *GIVEN)
+    trees, seeds = random_trees(settings, 8, seed=33), seeds_of(34, count=8)
+    assert {team[2] for team in trees} == {None}
+    different, outcomes = play_both(settings, trees, seeds)
+    assert different == []
+    evolving = settings_of("three-learners", "game.time_limit_steps=200")
+    given = parse(settings.players[2].tree)
+    for team, seed, outcome in zip(trees, seeds, outcomes, strict=True):
+        played = Arena(evolving).play(programs(evolving, [*team[:2], given]), np.array([seed]))
+        assert np.array_equal(played.skill_steps, outcome.skill_steps)
+        assert played.skill_steps[2].sum() == played.steps[0]
+    game = SoccerGame(settings)
+    assert [role.evolves for role in game.roles] == [True, True, False]
+    assert game.trees_of(trees[0]) == [*trees[0][:2], given]
+    assert len(game.play(programs(settings, trees[0]), seeds).leaf_steps[2]) == 0
+
+
+@pytest.mark.parametrize(
+    ("assignments", "said"),
+    [
+        (GIVEN[:1], 'control = "tree" needs a tree, such as tree = "IF_ball_is_lost(search, shoot)"'),
+        (GIVEN[1:], "tree: a robot plays by a given tree where its control = \"tree\", got 'evolve'"),
+    ],
+)
+def test_a_tree_without_a_robot_and_a_robot_without_a_tree_are_refused(assignments, said, settings_of):
+    with pytest.raises(InputError, match=re.escape(said)):
+        settings_of("three-learners", *assignments)
+
+
+@pytest.mark.parametrize(
+    ("tree", "said"),
+    [
+        ("IF_r2_is_lost(shoot, pass)", "players.2.tree: unknown name 'IF_r2_is_lost' at character 1"),
+        ("dribble", "players.2.tree: unknown name 'dribble' at character 1"),
+        ("IF_ball_is_lost(shoot", "players.2.tree: the text ends where ',' was expected"),
+    ],
+)
+def test_a_given_tree_that_asks_what_is_not_there_is_refused(tree, said, settings_of):
+    settings = settings_of("three-learners", GIVEN[0], f"players.2.tree='{tree}'")
+    with pytest.raises(InputError, match=re.escape(said)):
+        check_playable(settings)
 
 
 def with_one_lost_state(skill, path, objects):

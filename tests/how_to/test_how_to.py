@@ -85,6 +85,18 @@ def test_game(follow):
     assert best["agreed"].tolist() == [40, 40]  # all rounds of all games
 
 
+@pytest.mark.slow
+def test_grouping(follow):
+    runs = {path.name: open_run(path) for path in (follow("grouping.md") / "runs").iterdir()}
+    assert all(run.is_finished for run in runs.values())
+    assert {run.config.evaluation.grouping for run in runs.values()} == {"random", "partners", "best", "hall-of-fame"}
+    assert runs["frozen"].evolving == {0: "r0", 1: "r1"}
+    assert set(runs["chosen"].champions()["games"]) == set(runs["control"].champions()["games"]) == {40}
+    assert set(runs["control"].individuals["operator"]) == {"creation", "elite"}
+    first = runs["taught"].individuals.query("generation == 0 and index < 2 and robot == 'r0'")["nodes"]
+    assert first.tolist() == [3, 1]
+
+
 def test_inspect(follow):
     folder = follow("inspect.md")
     whole, simplified = ((folder / name).read_text(encoding="utf-8") for name in ("all.svg", "tree.svg"))

@@ -27,7 +27,7 @@ def run_command():
 def test_json_is_the_summary_of_the_ancestry(busy_run, run_command):
     told = json.loads(run_command(busy_run.path, "--robot", "r2", "--generation", 4, "--rank", 3, "--json").stdout)
     row = busy_run.record(4, "r2").iloc[3]
-    steps = tree_usage(busy_run, 4, int(row["group"]), "r2").node_steps
+    steps = tree_usage(busy_run, 4, "r2", int(row["index"])).node_steps
     expected = summary(ancestors(busy_run, "r2", 4, int(row["index"]), node_steps=steps))
     assert told == {"run": str(busy_run.path), "rank": 3, **expected}
     assert told["fitness"] == row["fitness"]

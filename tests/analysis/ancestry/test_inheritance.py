@@ -175,7 +175,7 @@ def test_all_ancestors_are_there(busy_run):
 def test_use_is_weighed_by_steps(busy_run):
     last = busy_run.finished - 1
     best = busy_run.record(last, "r0").iloc[0]
-    usage = tree_usage(busy_run, last, int(best["group"]), "r0")
+    usage = tree_usage(busy_run, last, "r0", int(best["index"]))
     found = ancestors(busy_run, "r0", last, int(best["index"]), node_steps=usage.node_steps)
     assert found.ancestors["use"].iloc[-1] == pytest.approx(1.0)
     assert found.ancestors["carried_used"].iloc[-1] == (usage.node_steps > 0).sum()

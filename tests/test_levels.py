@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from analysis.levels import level_chart, level_table, level_words
 from coevo.cli import main
 from coevo.config import check_experiment, read_toml, to_toml
 from coevo.errors import InputError
@@ -121,6 +122,14 @@ def test_what_was_kept_of_the_past_brings_it_back_to_where_it_stood(moving, move
             assert (again.level, records[done].level) == (records[done].level, again.level)
 
 
+def test_games_against_guests_of_the_past_do_not_count(small_settings, go_on, tmp_path):
+    changes = ('evaluation.grouping="hall-of-fame"', "evaluation.partners=4", "evaluation.games=4")
+    run = go_on(create_run(tmp_path / "run", small_settings(*MOVING, *changes, "gp.generations=3")))
+    # Four rounds with a game each; later than generation 0, two of them are against champions of the past.
+    games = [record.counted["decided"][1] for record in run.level_records(3)]
+    assert games == [4 * 6, 2 * 6, 2 * 6]
+
+
 # ----------------------------------------------------------------------------------------------------------- same bytes
 
 
@@ -191,6 +200,16 @@ def test_play_repeats_a_group_on_its_level_and_plays_new_games_by_the_recipe(mov
     trees = [moved.champion_tree(name, generation) for name in names]
     played = game.play(programs_of(game, trees), play_seeds(5, 3))
     assert list(new["kicks"].values()) == played.counts["kicks"].sum(axis=0).tolist()
+
+
+def test_a_page_says_how_far_the_levels_came(moved):
+    table, whole = level_table(moved), table_of(moved)
+    assert len(table) == len(whole) - 1 == 6
+    raised, lowered = ((whole["event"] == word).sum() for word in ("raised", "lowered"))
+    words = level_words(moved, table)
+    assert f"ended at {whole['level'].iloc[-1]} of 0 to 2 (players.2.strength = " in words
+    assert f"raised {raised} times and lowered {lowered} times" in words
+    assert level_chart(table).to_dict()["vconcat"]
 
 
 # -------------------------------------------------------------------------------------------------------------- refused

@@ -112,6 +112,12 @@ class Folder:
             raise InputError(f"{path} is damaged ({error}); {remedy}") from None
         return arrays
 
+    def forget_results(self) -> None:
+        """Remove what was found out, as it is of something else now; it is made anew when it is asked for."""
+        for name in self.results:
+            with writing(self.path / "results"):
+                (self.path / "results" / f"{name}.npz").unlink()
+
     def lock(self) -> Callable[[], None]:
         """Keep other processes from writing into this run; return what lets go of it."""
         try:

@@ -313,7 +313,8 @@ class Run(Folder):
         return [line for earlier in range(generation) for line in lines_of(earlier, self.records(earlier))]
 
     def save_champions(self, rows: Sequence[Sequence[object]]) -> None:
-        """Write the last champions, a row of ``CHAMPION_COLUMNS`` each."""
+        """Write the last champions, a row of ``CHAMPION_COLUMNS`` each; what was found out of others is forgotten."""
+        self.forget_results()
         save_lines(self.path / _CHAMPIONS, [",".join(map(str, line)) for line in (CHAMPION_COLUMNS, *rows)])
 
     def records(self, generation: int) -> list[GenerationRecord]:

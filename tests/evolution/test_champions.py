@@ -147,7 +147,9 @@ def test_a_run_is_finished_when_its_champions_are_chosen(copied, run, go_on, res
     (copied.path / "champions.csv").unlink()
     assert not copied.is_finished
     assert copied.champion("r0", 1) == (1, 0)
+    copied.save_result("judged-40-of1", {"of": np.arange(3)})  # of champions that were not chosen yet
     assert go_on(copied, workers=2).is_finished
+    assert copied.results == []
     assert results_of(copied.path) == results_of(run.path)
     assert "champions.csv" in results_of(run.path)
 
@@ -196,3 +198,15 @@ def test_the_closing_table_says_both_figures(coevo, tmp_path):
     shown = coevo("inspect", tmp_path / "run", "--robot", "r1")
     assert "Judged again it is" in shown.out
     assert "in the 8 games by which it was chosen" in " ".join(shown.out.split())
+
+
+def test_a_team_without_opponents_that_evolve_is_judged_alone(small_settings, go_on, tmp_path):
+    given = ("players.2.control=tree", "players.2.tree=shoot", "evaluation.champion_games=8", "gp.generations=1")
+    run = go_on(create_run(tmp_path / "run", small_settings(*given)))
+    table = run.champions()
+    assert table["robot"].tolist() == ["r0", "r1"]
+    arena, seeds = Arena(run.config), game_seeds(run.config.seed, RunStream.CHAMPIONS, 0, count=8)
+    trees = [run.champion_tree("r0", 0), run.champion_tree("r1", 0), None]
+    played = arena.play(programs_of(run.game, trees), seeds)
+    assert set(table["won"]) == {played.goals_of(0)}
+    assert set(table["lost"]) == {played.goals_of(1)}

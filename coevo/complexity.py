@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from coevo.config import ComplexitySettings, CriterionSettings, check, with_values
+from coevo.config import ComplexitySettings, CriterionSettings, assign, check
 from coevo.errors import InputError, nearest_name
 
 __all__ = [
@@ -89,7 +89,7 @@ def at_level(base: _S, settings: ComplexitySettings, level: int) -> _S:
         InputError: there is no such setting, or it refuses its value.
     """
     source = f"level {level} of levels.keys"
-    return check(type(base), with_values(msgspec.to_builtins(base), values_at(settings, level), source), source)
+    return check(type(base), assign(msgspec.to_builtins(base), values_at(settings, level), source), source)
 
 
 def every_level(base: _S, settings: ComplexitySettings) -> list[_S]:

@@ -27,12 +27,12 @@ from coevo.config.reader import (
     Range,
     Settings,
     Share,
+    assign,
     check,
     file_kind,
     override,
     read_toml,
     to_toml,
-    with_values,
 )
 from coevo.config.world import (
     BallSettings,
@@ -74,11 +74,11 @@ __all__ = [
     "Share",
     "StartSettings",
     "WorldSettings",
+    "assign",
     "check",
     "check_experiment",
     "file_kind",
     "override",
     "read_toml",
     "to_toml",
-    "with_values",
 ]

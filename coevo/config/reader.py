@@ -23,12 +23,12 @@ __all__ = [
     "Range",
     "Settings",
     "Share",
+    "assign",
     "check",
     "file_kind",
     "override",
     "read_toml",
     "to_toml",
-    "with_values",
 ]
 
 _S = TypeVar("_S", bound=Struct)
@@ -118,7 +118,7 @@ def _name_key(kind: type[_S], data: Mapping[str, Any], path: str, message: str) 
     table, _, rest = path.partition(".*")
     for key, value in _look_up(data, table).items():
         try:
-            msgspec.convert(with_values(data, {table: {key: value}}, table), kind)
+            msgspec.convert(assign(data, {table: {key: value}}, table), kind)
         except msgspec.ValidationError as error:
             if str(error) == message:
                 return f"{table}.{key}{rest}"
@@ -244,21 +244,30 @@ def override(data: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, A
     return result
 
 
-def with_values(data: Mapping[str, Any], values: Mapping[str, Any], source: str) -> dict[str, Any]:
-    """Return plain data with settings replaced, by dotted key; ``source`` is where they come from, for messages.
+def assign(data: Mapping[str, Any], values: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return plain data with settings replaced, each given by its dotted key.
+
+    Args:
+        data: as TOML gives it.
+        values: what is put where, in this order.
+        where: in which file or table they stand, for messages.
+
+    Raises:
+        InputError: a key leads into a single value, or past the end of a list.
 
     Example:
-        >>> from coevo.config import with_values
-        >>> with_values({"gp": {"population": 80}, "players": [{"team": 0}]}, {"players.0.team": 1}, "mine")
-        {'gp': {'population': 80}, 'players': [{'team': 1}]}
+        >>> from coevo.config import assign
+        >>> assign({"gp": {"population": 80}}, {"gp.population": 40, "fitness.kind": "varying"}, "mine.toml")
+        {'gp': {'population': 40}, 'fitness': {'kind': 'varying'}}
     """
     result = typing.cast("dict[str, Any]", _thaw(data))
     for key, value in values.items():
-        _put(result, key, value, f"{source}: {key}")
+        _put(result, key, _thaw(value), f"{where}: {key}")
     return result
 
 
 def _put(result: dict[str, Any], key: str, value: Any, said: str) -> None:
+    """Put a value at its dotted key; ``said`` is what the user gave, for messages."""
     *folders, last = key.split(".")
     node: Any = result
     for folder in folders:

@@ -283,6 +283,7 @@ def test_a_controller_that_cannot_be_is_refused(table, says):
     ("table", "says"),
     [
         ({"raise_when": {}}, "keep"),
+        ({"keys": {"a": [1, 2]}}, "keys: expected array"),
         ({"on_stall": ["grow"]}, "evolution has no axes"),
         ({"most": 0.4, "keep": "both sides winning"}, "most: expected float > 0.5, got 0.4"),
         ({"most_dimensions": 2}, "evolution has no axes"),
@@ -290,6 +291,11 @@ def test_a_controller_that_cannot_be_is_refused(table, says):
 )
 def test_levels_of_evolution_that_cannot_be_are_refused(table, says):
     assert says in refused(LevelsSettings, **table)
+
+
+def test_levels_that_are_no_table_are_refused(small_settings):
+    with pytest.raises(InputError, match=r"levels: expected a table, got int"):
+        small_settings("levels=3")
 
 
 def test_a_rate_that_nobody_measures_is_refused():

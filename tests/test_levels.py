@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.levels import level_chart, level_table, level_words
@@ -94,11 +94,12 @@ def replayed(run, generation, *, strength, mass):
 outcomes = st.lists(st.lists(st.sampled_from([-1, 0, 0, 1, 1]), min_size=1, max_size=6), min_size=1, max_size=25)
 
 
+@settings(max_examples=50)
 @given(generations=outcomes, window=st.integers(1, 3), against=st.integers(0, 1))
 def test_the_level_moves_against_the_side_that_wins_too_much(generations, window, against, small_settings):
-    settings = small_settings(*BOTH, f"levels.window={window}", f"levels.against={against}")
-    game = make_game(settings)
-    levels, level, since = Levels(settings, game, []), 0, 0
+    experiment = small_settings(*BOTH, f"levels.window={window}", f"levels.against={against}")
+    game = make_game(experiment)
+    levels, level, since = Levels(experiment, game, []), 0, 0
     for now, winners in enumerate(generations, 1):
         counts = {name: np.zeros((len(winners), 3), np.int64) for name in game.counts}
         record = levels.observe([Played(counts, np.array(winners), [])])

@@ -84,7 +84,11 @@ def check(kind: type[_S], data: Mapping[str, Any], source: str) -> _S:
         return msgspec.convert(dict(data), kind)
     except msgspec.ValidationError as error:
         text, _, where = str(error).partition(" - at `$.")
-        text = text.replace("Expected `object`", "expected a table").replace("Expected", "expected")
+        text = (
+            text.replace("Expected `object | null`", "expected a table")
+            .replace("Expected `object`", "expected a table")
+            .replace("Expected", "expected")
+        )
         path = where.rstrip("`").replace("[...]", ".*").replace("[", ".").replace("]", "")
         if ".*" in path:
             path = _name_key(kind, data, path, str(error))

@@ -59,7 +59,7 @@ def small_run(small_run, tmp_path_factory):
 def ladder(tmp_path_factory):
     """Return a function that evolves the ladder: of some teams, by skill and luck."""
 
-    def run_of(teams, *, skill=1.0, luck=0.0, generations=4, population=12, games=2):
+    def run_of(teams, *, skill=1.0, luck=0.0, generations=4, population=12, games=2, **evaluation: object):
         folder = tmp_path_factory.mktemp("ladder")
         (folder / "ladder.py").write_text(LADDER, encoding="utf-8")
         settings = check(
@@ -69,7 +69,7 @@ def ladder(tmp_path_factory):
                 "game": {"kind": "ladder:make", "teams": teams, "skill": skill, "luck": luck},
                 "fitness": {"kind": "ladder:points"},
                 "gp": {"population": population, "generations": generations, "tournament": 2},
-                "evaluation": {"games": games},
+                "evaluation": {"games": games, **evaluation},
             },
             "ladder",
         )

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from analysis.ancestry import ancestors, summary
 from analysis.commands import ancestry
 from coevo.errors import InputError
+from coevo.run import create_run
 from coevo.usage import tree_usage
 
 
@@ -72,3 +73,13 @@ def test_what_is_wrong_is_told(words, message, busy_run):
     assert isinstance(done.exception, InputError)
     assert message in str(done.exception)
     assert done.stdout == ""
+
+
+def test_in_random_search_a_tree_comes_from_the_generation_that_made_it(run_command, small_settings, go_on, tmp_path):
+    run = go_on(create_run(tmp_path / "run", small_settings("gp.variation=random")))
+    for row in run.record(2, "r1").query("operator == 'creation'").head(2).itertuples():
+        told = run_command(run.path, "--robot", "r1", "--rank", row.Index).stdout
+        assert f"has {row.nodes} node" in told
+        assert "all from generation 2" in told
+        assert "It was created in generation 2." in told
+        assert "Its root line" not in told

@@ -25,6 +25,14 @@ def test_without_luck_all_of_it_is_left(ladder):
         assert (one.generations, one.text) == (2, "100%")
 
 
+@pytest.mark.parametrize("grouping", ["partners", "best", "hall-of-fame"])
+def test_however_they_are_grouped_as_many_games_are_played_again(grouping, ladder):
+    """Each is as strong as it is, whoever else plays: what is counted again is what was counted."""
+    run = ladder(3, generations=3, population=6, games=4, grouping=grouping, partners=2)
+    table = again(run, generations=(0, 1, 2), repeats=2)
+    assert table["again"].tolist() == table["fitness"].tolist()
+
+
 def test_of_luck_alone_nothing_is_left(ladder):
     run = ladder(2, skill=0.0, luck=1.0, generations=20, population=30)
     for one in left_over(again(run, generations=tuple(range(20)), repeats=10)):

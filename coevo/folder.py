@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from coevo.errors import InputError
 from coevo.files import DamagedFileError, digest_of, lock, pack_arrays, read_arrays, write_whole
 
-__all__ = ["Folder", "save_whole", "writing"]
+__all__ = ["Folder", "read_table", "save_lines", "save_whole", "writing"]
 
 
 @contextmanager
@@ -32,6 +33,39 @@ def save_whole(path: Path, data: bytes) -> None:
     """Write a file whole or not at all; what goes wrong is told in words."""
     with writing(path):
         write_whole(path, data)
+
+
+def save_lines(path: Path, lines: Sequence[str]) -> None:
+    """Write a table of lines as ``save_whole`` does."""
+    save_whole(path, ("\n".join(lines) + "\n").encode())
+
+
+def read_table(path: Path, digest: bytes | None, remedy: str) -> Any:
+    """Read a Parquet file as a table of Arrow.
+
+    Args:
+        path: where it is.
+        digest: its SHA-256, None if it is not known.
+        remedy: what to do if it is damaged, for the message.
+
+    Raises:
+        InputError: it is damaged.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        data = path.read_bytes()
+        if digest is not None and digest != hashlib.sha256(data).digest():
+            raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
+        # Arrow reads its own buffer, in this thread: a thread of its pool that holds a Python object while Python
+        # ends aborts the process (apache/arrow#34314).
+        return pq.ParquetFile(pa.BufferReader(data), pre_buffer=False).read(use_threads=False)
+    except InputError:
+        raise
+    except (OSError, ValueError, pa.ArrowException) as error:
+        first = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{path} is damaged ({first}); {remedy}") from None
 
 
 class Folder:

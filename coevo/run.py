@@ -2,7 +2,8 @@
 
 ``config.toml`` every setting, ``environment.json`` versions and digests, ``generations.csv`` and ``measures.csv`` a row
 a generation and robot, ``individuals.parquet`` a folder with a part a generation, ``checkpoint.npz`` the population
-that comes next, ``champions.csv`` the last champions, where they were judged again. Each file is written whole under
+that comes next, ``champions.csv`` the last champions, where they were judged again, ``levels.csv`` the levels of an
+environment that co-evolves. Each file is written whole under
 another name and then renamed, parts first and the checkpoint last, so a kill at any instant loses at most the
 generation under way. Nothing is in pickle.
 """
@@ -23,8 +24,9 @@ from coevo.config import EvolutionSettings, check_experiment, read_toml, to_toml
 from coevo.environment import environment
 from coevo.errors import InputError
 from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays
-from coevo.folder import Folder, save_whole, writing
+from coevo.folder import Folder, read_table, save_lines, save_whole, writing
 from coevo.game import Game, make_game, own_references, terminals_of
+from coevo.levels import LevelRecord, level_lines, level_settings
 from coevo.measures import MEASURES, measure_lines
 from coevo.plugins import own_file, search_folders
 from coevo.records import Checkpoint, GenerationRecord, columns, individuals_table, read_record, table_lines
@@ -32,6 +34,7 @@ from coevo.tree import Tree, from_codes
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
 __all__ = ["CHAMPION_COLUMNS", "Run", "create_run", "open_run"]
 
@@ -39,6 +42,7 @@ CHAMPION_COLUMNS = ("team", "robot", "generation", "index", "fitness", "fitness_
 _CHAMPIONS = "champions.csv"
 _Lines = Callable[[int, Sequence[GenerationRecord]], list[str]]
 _FORMAT = 2  # of the checkpoint; 1 did not tell where individuals came from
+_AGAIN = "run the experiment again from config.toml"
 _OLDER = (
     "was written by an older coevo, which did not keep where individuals came from. The run can be read, but not gone"
     " on with; repeat it with 'coevo evolve' and its config.toml"
@@ -52,6 +56,7 @@ class Run(Folder):
         super().__init__(path, hashlib.sha256(to_toml(settings).encode()).digest())
         self.config = settings
         self.folders = search_folders(path)  # where code of one's own is looked for
+        self._levels: list[LevelRecord] = []  # of the first generations, as far as they were asked for
 
     # ------------------------------------------------------------------------------------------------ reading
 
@@ -89,6 +94,29 @@ class Run(Folder):
         """The game that is played; one of one's own is imported when this is first asked for."""
         return make_game(self.config, self.folders)
 
+    def level_records(self, generations: int) -> list[LevelRecord]:
+        """Return what was kept of the levels of the first generations; nothing if there are no levels."""
+        if self.config.levels is not None:
+            self._levels += [self._level(number) for number in range(len(self._levels), generations)]
+        return self._levels[:generations]
+
+    def _level(self, generation: int) -> LevelRecord:
+        metadata = self._table(generation).schema.metadata
+        try:
+            return LevelRecord.of(metadata)
+        except (LookupError, TypeError, ValueError) as error:
+            raise InputError(f"{self._part_path(generation)} does not tell its level ({error}); {_AGAIN}") from None
+
+    def config_of(self, generation: int) -> EvolutionSettings:
+        """Return the settings that a generation's games were played by: those of its level, if there are levels."""
+        if self.config.levels is None:
+            return self.config
+        return level_settings(self.config, self._level(generation).level)
+
+    def game_of(self, generation: int) -> Game:
+        """Return the game that was played in a generation: ``game``, on its level if there are levels."""
+        return self.game if self.config.levels is None else make_game(self.config_of(generation), self.folders)
+
     @cached_property
     def evolving(self) -> dict[int, str]:
         """Numbers and names of the roles that evolve."""
@@ -119,30 +147,16 @@ class Run(Folder):
             return np.zeros((0, 32), np.uint8)
 
     def _part(self, generation: int) -> pd.DataFrame:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
+        frame: pd.DataFrame = self._table(generation).to_pandas(use_threads=False)
+        return frame
 
-        path = self._part_path(generation)
+    def _table(self, generation: int) -> pa.Table:
+        path, known = self._part_path(generation), self._part_digests()
         if not path.exists():
             last = self.finished - 1
             have = f"0 to {last}" if last >= 0 else "none yet"
             raise InputError(f"{self.path} has no generation {generation}; finished generations: {have}")
-        remedy = "run the experiment again from config.toml"
-        try:
-            data = path.read_bytes()
-            known = self._part_digests()
-            if generation < len(known) and known[generation].tobytes() != hashlib.sha256(data).digest():
-                raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
-            # Arrow reads its own buffer, in this thread: a thread of its pool that holds a Python object while Python
-            # ends aborts the process (apache/arrow#34314).
-            table = pq.ParquetFile(pa.BufferReader(data), pre_buffer=False).read(use_threads=False)
-            frame: pd.DataFrame = table.to_pandas(use_threads=False)
-        except (OSError, ValueError, pa.ArrowException) as error:
-            if isinstance(error, InputError):
-                raise
-            first = (str(error).splitlines() or [type(error).__name__])[0]
-            raise InputError(f"{path} is damaged ({first}); {remedy}") from None
-        return frame
+        return read_table(path, known[generation].tobytes() if generation < len(known) else None, _AGAIN)
 
     def record(self, generation: int, robot: str) -> pd.DataFrame:
         """Return the individuals of one role in one generation, best first (by fitness, depth, index)."""
@@ -254,12 +268,18 @@ class Run(Folder):
         if not path.exists():
             save_whole(path, (json.dumps(environment(self.config, self.folders), indent=2) + "\n").encode())
 
-    def save_generation(self, generation: int, records: Sequence[GenerationRecord]) -> None:
-        """Write one generation: its rows in the table of generations, then its individuals."""
+    def save_generation(
+        self, generation: int, records: Sequence[GenerationRecord], level: LevelRecord | None = None
+    ) -> None:
+        """Write one generation: its rows in the tables, then its individuals, and what is kept of its level."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         table = individuals_table(generation, records, terminals_of(self.game))
+        if level is not None:
+            table = table.replace_schema_metadata(level.metadata)
+            self._levels = [*self.level_records(generation), level]
+            save_lines(self.path / "levels.csv", level_lines(self.config, self.game, self._levels))
         buffer = pa.BufferOutputStream()  # Arrow's own, as in reading
         pq.write_table(table, buffer, compression="zstd")
         path = self._part_path(generation)
@@ -278,7 +298,7 @@ class Run(Folder):
         for name, header, lines_of in tables:
             earlier = self._earlier_lines(self.path / name, len(header), generation, lines_of)
             lines = [",".join(header), *earlier, *lines_of(generation, records)]
-            save_whole(self.path / name, ("\n".join(lines) + "\n").encode())
+            save_lines(self.path / name, lines)
 
     def _earlier_lines(self, path: Path, width: int, generation: int, lines_of: _Lines) -> list[str]:
         """Return a table's lines of the generations before; those that are lost or damaged are made anew."""
@@ -295,9 +315,7 @@ class Run(Folder):
     def save_champions(self, rows: Sequence[Sequence[object]]) -> None:
         """Write the last champions, a row of ``CHAMPION_COLUMNS`` each; what was found out of others is forgotten."""
         self.forget_results()
-        lines = [CHAMPION_COLUMNS, *rows]
-        text = "".join(",".join(map(str, line)) + "\n" for line in lines)
-        save_whole(self.path / _CHAMPIONS, text.encode())
+        save_lines(self.path / _CHAMPIONS, [",".join(map(str, line)) for line in (CHAMPION_COLUMNS, *rows)])
 
     def records(self, generation: int) -> list[GenerationRecord]:
         """Return what was saved of a generation, a record a role."""

@@ -240,7 +240,7 @@ def tree_usage(run: Run, generation: int, robot: str, index: int) -> TreeUsage:
         run: with this generation.
         generation, robot, index: who; the index is that of individuals.parquet, not a rank.
     """
-    game, number = run.game, run.number_of(robot)
+    game, number = run.game_of(generation), run.number_of(robot)
     groups = groups_of(run.config, game.roles, generation)
     own = groups.of(number)[index].tolist()
     leaf_steps: NDArray[np.int64] | None = None

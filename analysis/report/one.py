@@ -11,6 +11,7 @@ from analysis.ancestry import family_table, origin_table, sentences, summary
 from analysis.charts import spec_of
 from analysis.curves import choose, table
 from analysis.curves import summary as summarise
+from analysis.levels import level_chart, level_table, level_words
 from analysis.report.gather import Findings
 from analysis.report.parts import (
     Code,
@@ -101,6 +102,9 @@ def _curves(run: Run) -> Section:
             chosen = choose(everything, names)
             drawn = chart(summarise(chosen), words)
             parts.append(figure(title, about, drawn, _wide(chosen)))
+    if run.config.levels is not None:
+        levels = level_table(run)
+        parts.append(figure("Levels", level_words(run, levels), level_chart(levels), levels))
     return Section("curves", "Curves", "Generation by generation", parts)
 
 

@@ -75,7 +75,7 @@ def _of_generation(run: Run, evaluator: Evaluator, generation: int, repeats: int
     matches = [
         match for record in records for k in range(repeats) for match in _matches(run, records, record, generation, k)
     ]
-    outcomes = evaluator.play(matches)
+    outcomes = evaluator.play(matches, run.config_of(generation))
     found = []
     for record in records:
         played = [next(outcomes) for _ in range(repeats * config.evaluation.rounds)]

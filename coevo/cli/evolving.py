@@ -67,6 +67,7 @@ def evolve(
     from coevo.evolution.evaluation import check_backend
     from coevo.fitness import Scorer
     from coevo.game import StartsDoNotFitError, check_playable
+    from coevo.levels import check_levels
     from coevo.plugins import search_folders
     from coevo.run import create_run
 
@@ -74,6 +75,7 @@ def evolve(
     folders = search_folders(Path(recipe).parent if is_path(recipe) else Path())
     game = check_playable(settings, folders)  # what is wrong is better found before there is a folder
     Scorer(settings, game.counts, folders)
+    check_levels(settings, folders)
     run = create_run(out if out is not None else _default_folder(settings), settings, folders)
     note(f"Run folder: {run.path}", quiet=quiet)
     try:
@@ -176,8 +178,9 @@ def _judged(run: Run, workers: int, backend: str, games: int | None, *, quiet: b
 def _line(of: GenerationReport, generations: int, left: float) -> str:
     robots = "  ".join(f"{name} {best:7.3f} / {of.mean[name]:7.3f}" for name, best in of.best.items())
     rate = of.games / (of.playing_seconds + of.other_seconds)
+    level = "" if of.level is None else f"  level {of.level}"
     return (
-        f"generation {of.generation + 1:3d}/{generations}  fitness best / mean  {robots}"
+        f"generation {of.generation + 1:3d}/{generations}{level}  fitness best / mean  {robots}"
         f"  {rate:6.0f} games/s  {duration(left)} left"
     )
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from coevo.game import Game
     from coevo.run import Run
     from coevo.tree import Tree
     from coevo.tree.rules import Rule
@@ -186,11 +187,11 @@ def play(
         check_video(video)
     prepare(run.config, lambda text: note(text, quiet=quiet))
     if isinstance(run.config, RunSettings):
-        counts, steps, digest = _play_soccer(run, bill, trace, video)
+        counts, steps, digest = _play_soccer(bill, trace, video)
     elif trace is not None or video is not None:
         raise InputError("--trace and --video show games of soccer; this run is about another game")
     else:
-        counts, steps, digest = _play(run, bill)
+        counts, steps, digest = _play(bill)
     robots = [role.name for role in run.game.roles]
     result: dict[str, Any] = {"games": len(bill.seeds), "generation": generation, **bill.about}
     result |= {name: dict(zip(robots, values.tolist(), strict=True)) for name, values in counts.items()}
@@ -208,8 +209,9 @@ def play(
 
 
 class _Bill(NamedTuple):
-    """What is played: trees, seeds and titles of games; what that is called, in words and as data."""
+    """What is played: which game, trees, seeds and titles; what that is called, in words and as data."""
 
+    game: Game
     trees: list[Tree | None]
     seeds: NDArray[np.uint64]
     titles: list[str]
@@ -224,6 +226,7 @@ def _new_games(run: Run, generation: int, games: int, seed: int) -> _Bill:
     who = champions_in_words(run, generation)
     names = [run.evolving.get(role) for role in range(len(run.game.roles))]
     return _Bill(
+        run.game,
         [None if name is None else run.champion_tree(name, generation) for name in names],
         play_seeds(seed, games),
         [f"game {number + 1} of {games}" for number in range(games)],
@@ -248,6 +251,7 @@ def _old_games(
     trees, seeds = group_trees(run, generation, group), seeds_of_group(run, generation, group, game)
     name = f"group {group} of generation {generation}"
     return _Bill(
+        run.game_of(generation),
         trees,
         seeds,
         [f"game {number}" for number in (range(len(seeds)) if game is None else [game])],
@@ -257,25 +261,26 @@ def _old_games(
     )
 
 
-def _play(run: Run, bill: _Bill) -> tuple[dict[str, NDArray[np.int64]], int | None, str]:
+def _play(bill: _Bill) -> tuple[dict[str, NDArray[np.int64]], int | None, str]:
     """Return what was counted of each role in all games together, and a digest of all that happened."""
     from coevo.game import programs_of
 
-    played = run.game.play(programs_of(run.game, bill.trees), bill.seeds)
+    game = bill.game
+    played = game.play(programs_of(game, bill.trees), bill.seeds)
     digest = hashlib.sha256(np.ascontiguousarray(played.winner, "<i8").tobytes())
-    for name in run.game.counts:
+    for name in game.counts:
         digest.update(np.ascontiguousarray(played.counts[name], "<i8").tobytes())
-    return {name: played.counts[name].sum(axis=0) for name in run.game.counts}, None, digest.hexdigest()
+    return {name: played.counts[name].sum(axis=0) for name in game.counts}, None, digest.hexdigest()
 
 
 def _play_soccer(
-    run: Run, bill: _Bill, trace: Path | None, video: Path | None
+    bill: _Bill, trace: Path | None, video: Path | None
 ) -> tuple[dict[str, NDArray[np.int64]], int | None, str]:
     """Return what was counted as ``_play`` does, the number of steps, and a digest of all trajectories."""
     from coevo.game import SoccerGame, programs_of
     from coevo.replay import game_recording, trace_digest, write_trace, write_video
 
-    game = run.game
+    game = bill.game
     assert isinstance(game, SoccerGame)
     programs = programs_of(game, bill.trees)
     played = [game.arena.trace(programs, seed) for seed in bill.seeds]

@@ -19,6 +19,7 @@ from coevo.config.experiment import (
     RunSettings,
     check_experiment,
 )
+from coevo.config.levels import ComplexitySettings, CriterionSettings, LevelsSettings
 from coevo.config.reader import (
     FileSettings,
     NonNegative,
@@ -48,7 +49,9 @@ __all__ = [
     "BallSettings",
     "CameraSettings",
     "CategorySettings",
+    "ComplexitySettings",
     "ConditionSettings",
+    "CriterionSettings",
     "EvaluationSettings",
     "EvolutionSettings",
     "FieldSettings",
@@ -58,6 +61,7 @@ __all__ = [
     "ForeignSettings",
     "GPSettings",
     "GameSettings",
+    "LevelsSettings",
     "NonNegative",
     "PhysicsSettings",
     "PlayerSettings",

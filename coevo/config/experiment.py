@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from coevo.config.levels import LevelsSettings
 from coevo.config.reader import FileSettings, NonNegative, Positive, Settings, Share, check
 from coevo.config.world import StartSettings, WorldSettings
 from coevo.vocabulary import CATEGORIES, PREFIX, SKILLS
@@ -177,6 +178,7 @@ class EvolutionSettings(FileSettings, frozen=True, kw_only=True):
     gp: GPSettings = GPSettings()
     fitness: FitnessSettings = FitnessSettings()
     evaluation: EvaluationSettings = EvaluationSettings()
+    levels: LevelsSettings | None = None  # an environment that co-evolves (6.5); without, it stays as it is
 
 
 class ForeignSettings(EvolutionSettings, frozen=True, kw_only=True):

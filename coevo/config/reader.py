@@ -85,7 +85,11 @@ def check(kind: type[_S], data: Mapping[str, Any], source: str) -> _S:
         return msgspec.convert(dict(data), kind)
     except msgspec.ValidationError as error:
         text, _, where = str(error).partition(" - at `$.")
-        text = text.replace("Expected `object`", "expected a table").replace("Expected", "expected")
+        text = (
+            text.replace("Expected `object | null`", "expected a table")
+            .replace("Expected `object`", "expected a table")
+            .replace("Expected", "expected")
+        )
         path = where.rstrip("`").replace("[...]", ".*").replace("[", ".").replace("]", "")
         if ".*" in path:
             path = _name_key(kind, data, path, str(error))
@@ -118,12 +122,8 @@ def _name_key(kind: type[_S], data: Mapping[str, Any], path: str, message: str) 
     """Return the path with the key that msgspec does not tell: the first that alone gives the same message."""
     table, _, rest = path.partition(".*")
     for key, value in _look_up(data, table).items():
-        alone: Any = {key: value}
-        folders = table.split(".")
-        for depth in range(len(folders) - 1, -1, -1):
-            alone = {**_look_up(data, ".".join(folders[:depth])), folders[depth]: alone}
         try:
-            msgspec.convert(alone, kind)
+            msgspec.convert(assign(data, {table: {key: value}}, table), kind)
         except msgspec.ValidationError as error:
             if str(error) == message:
                 return f"{table}.{key}{rest}"
@@ -137,9 +137,10 @@ def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
         item = next((a for a in _arguments(kind) if _is_settings(a)), None)
         for index, value in enumerate(data):
             _check_keys(item, value, source, f"{path}.{index}")
-    if typing.get_origin(kind) is dict and isinstance(data, Mapping):  # its keys are anyone's
+    values = _values_of(kind)
+    if values is not None and isinstance(data, Mapping):  # its keys are anyone's
         for key, value in data.items():
-            _check_keys(typing.get_args(kind)[1], value, source, f"{path}.{key}")
+            _check_keys(values, value, source, f"{path}.{key}")
         return
     kind = next((a for a in [kind, *_arguments(kind)] if _is_settings(a)), None)
     if kind is None or not isinstance(data, Mapping):
@@ -155,11 +156,18 @@ def _check_keys(kind: Any, data: Any, source: str, path: str) -> None:
         _check_keys(fields[key], value, source, here)
 
 
+def _values_of(kind: Any) -> Any:
+    """Return the type of the values of a table with any keys, None for other types."""
+    bare = typing.get_args(kind)[0] if typing.get_origin(kind) is Annotated else kind
+    return typing.get_args(bare)[1] if typing.get_origin(bare) is dict else None
+
+
 def _choices(kind: Any, path: str) -> list[Any]:
     """Return what a setting with a closed list of values may be."""
     for part in path.split("."):
-        if typing.get_origin(kind) is dict:
-            kind = typing.get_args(kind)[1]
+        values = _values_of(kind)
+        if values is not None:
+            kind = values
             continue
         inner = next((a for a in [kind, *_arguments(kind)] if _is_settings(a)), None)
         if inner is not None and not part.isdigit():

@@ -108,6 +108,7 @@ class Evaluator:
             thread.join()
         _with_game.clear()
 
-    def play(self, matches: Iterable[Match]) -> Iterator[Played]:
-        """Yield what happened in each match, in their order."""
-        yield from self._parallel(self._task(self._settings, self._folders, match) for match in matches)
+    def play(self, matches: Iterable[Match], settings: EvolutionSettings | None = None) -> Iterator[Played]:
+        """Yield what happened in each match, in their order; ``settings`` are those of the games if not its own."""
+        data = self._settings if settings is None else msgspec.json.encode(settings)
+        yield from self._parallel(self._task(data, self._folders, match) for match in matches)

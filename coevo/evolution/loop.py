@@ -17,6 +17,7 @@ from coevo.evolution.grouping import Groups, groups_of, line_ups
 from coevo.evolution.population import Individual, breed, codes_of, first_population, origins_of, parents_of
 from coevo.fitness import Scorer
 from coevo.game import Played, start_trees
+from coevo.levels import Levels
 from coevo.records import Checkpoint, GenerationRecord, Origins
 from coevo.run import Run
 from coevo.tree import FunctionSet, Program, compile_program
@@ -32,6 +33,7 @@ class GenerationReport:
     generation: its number, from 0. games: how many were played in it.
     best, mean: fitness by name of role.
     playing_seconds, other_seconds: time spent on games, and on breeding and files.
+    level: on which it was played, None if there are none.
     """
 
     generation: int
@@ -40,6 +42,7 @@ class GenerationReport:
     mean: Mapping[str, float]
     playing_seconds: float
     other_seconds: float
+    level: int | None = None
 
 
 class _Population:
@@ -152,6 +155,12 @@ def _matches(run: Run, generation: int, groups: Groups, populations: Sequence[_P
     return [Match(programs, groups.seeds(run.config.seed, generation, group)) for group, programs in enumerate(teams)]
 
 
+def _contemporary(groups: Groups, outcomes: Sequence[Played]) -> list[Played]:
+    """Return what happened in the groups without guests; in all, where each has some."""
+    alone = np.flatnonzero((groups.guests < 0).all(axis=1)).tolist()
+    return [outcomes[group] for group in alone or range(len(outcomes))]
+
+
 def evolve(
     run: Run,
     evaluator: Evaluator,
@@ -187,6 +196,9 @@ def evolve(
     functions = {role: game.function_set(role) for role in run.evolving}
     state = run.checkpoint() or _rebuild(run, functions)
     best = _Best(run)
+    levels = Levels(settings, game, run.level_records(state.generation))
+    if state.generation == 0:
+        levels.try_out(run.folders)
     while state.generation < settings.gp.generations:
         began = time.perf_counter()
         generation = state.generation
@@ -196,7 +208,7 @@ def evolve(
         groups = groups_of(settings, game.roles, generation)
         matches = _matches(run, generation, groups, populations, best)
         playing = time.perf_counter()
-        outcomes = list(evaluator.play(matches))
+        outcomes = list(evaluator.play(matches, levels.settings))
         played = time.perf_counter()
         sums = _summed(outcomes, game.counts)
         records = [
@@ -207,7 +219,8 @@ def evolve(
         if generation + 1 < settings.gp.generations:
             following = {r.role: _next(r, settings, functions[r.role], generation) for r in records}
             state = _checkpoint(generation + 1, following, functions)
-        run.save_generation(generation, records)
+        level = levels.observe(_contemporary(groups, outcomes))
+        run.save_generation(generation, records, level)
         run.save_checkpoint(state)
         best.keep(generation, records)
         report(
@@ -218,6 +231,7 @@ def evolve(
                 mean={r.robot: float(r.fitness.mean()) for r in records},
                 playing_seconds=played - playing,
                 other_seconds=time.perf_counter() - played + (playing - began),
+                level=None if level is None else level.level,
             )
         )
     if not run.is_finished:

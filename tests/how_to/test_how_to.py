@@ -179,3 +179,24 @@ def test_report(follow):
     folder = follow("report.md")
     for name, title in (("one.html", "smoke, seed 0"), ("comparison.html", "3 runs: smoke fitness.kind=fixed")):
         assert f"<h1>{title}" in (folder / name).read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_levels(follow, capsys):
+    folder = follow("levels.md")
+    table = pd.read_csv(folder / "runs" / "noisy" / "levels.csv")
+    run = open_run(folder / "runs" / "noisy")
+    levels = {0: (0.2, 0.0, 200), 1: (0.37, 0.0, 200), 2: (0.37, 0.5, 220), 3: (0.37, 1.0, 240)}
+    assert table["level"].max() > 0
+    for row in table.itertuples(index=False):
+        played_by = run.config_of(int(row.generation))
+        values = played_by.world.ball.mass_kg, played_by.world.camera.noise_px, played_by.game.time_limit_steps
+        assert values == levels[int(row.level)]
+    (text,) = [text for kind, text in BLOCK.findall((DOCS / "how-to/levels.md").read_text("utf-8")) if kind == "python"]
+    assert len(text.splitlines()) <= 40
+    names = {}
+    exec(text, names)  # noqa: S102 - of our own page
+    assert names["events"][0].kind == "start"
+    assert names["events"][-1].kind == "end"
+    assert names["controller"].level > 0
+    assert "raised" in capsys.readouterr().out

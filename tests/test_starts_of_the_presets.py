@@ -2,8 +2,8 @@
 
 The dissertation gives words, not places (6.4.2, 6.4.3): r0 near the ball, r1 well placed but farther off, r2 in front
 of the goal that they attack, where it sees the ball and its own target. ``docs/decisions/0004-placements.md`` says what
-was made of them. Here starts are drawn from the presets by a sampler of the test's own, and looked at by geometry and
-by the camera. The limits are such that a region that is moved by half a metre, or a robot that faces something else or
+was made of them, in the recipes of the dissertation's own conditions. Here starts are drawn from these by a sampler of
+the test's own, and looked at by geometry and by the camera. The limits are such that a region that is moved by half a metre, or a robot that faces something else or
 is spread otherwise, fails at least one of them. (Where the standing opponent looks means nothing.)
 """
 
@@ -20,8 +20,9 @@ import pytest
 from coevo.config import RunSettings, check
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, camera_params, make_retina, object_count, see
 
-PRESETS = ("two-learners", "stationary-opponent", "three-learners", "smoke")
-WITH_R2_LEARNING = ("three-learners", "smoke")
+_OF = "chapter6/dissertation-"
+PRESETS = (f"{_OF}two-learners", f"{_OF}stationary-opponent", f"{_OF}three-learners", "smoke")
+WITH_R2_LEARNING = (f"{_OF}three-learners", "smoke")
 DRAWS = 600
 PENALTY_AREA_M = 0.675  # how far it reaches into the field (rules of 1997)
 
@@ -165,7 +166,7 @@ def test_r2_sees_the_ball_and_the_goal_that_it_attacks(starts_of, preset):
 
 
 def test_the_standing_opponent_is_three_metres_before_the_goal_in_the_way_of_a_dribble(starts_of):
-    starts = starts_of("stationary-opponent")
+    starts = starts_of(f"{_OF}stationary-opponent")
     place = starts.states[:, 2, :2]
     assert np.abs(starts.length - place[:, 0] - 3.0).max() < 0.4
     # The straight way from the ball to the goal's middle leads against it.

@@ -13,8 +13,9 @@ import pytest
 
 from coevo.config import RunSettings, check
 
-PRESETS = ("two-learners", "stationary-opponent", "three-learners", "smoke")
-EXPERIMENTS = PRESETS[:3]  # of section 6.4
+# The experiments of section 6.4 with the dissertation's own conditions.
+EXPERIMENTS = tuple(f"chapter6/dissertation-{name}" for name in ("two-learners", "stationary-opponent", "three-learners"))
+PRESETS = ("two-learners", "stationary-opponent", "three-learners", "smoke", *EXPERIMENTS)
 
 # RoboCup, "The Regulations for Full Set Small Size Robot League", 30 September 1997: three times the length and the
 # width of the small league's field, which is a table for table tennis. The dissertation (3.5.1, 6.3.1) plays on the

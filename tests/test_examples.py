@@ -63,6 +63,7 @@ PUBLIC = (
     "coevo.statistics.paired_difference",
     "coevo.statistics.probability_of_improvement",
     "coevo.statistics.share_interval",
+    "coevo.study.plan.read_plan",
     "coevo.tree.draw.as_text",
     "coevo.tree.fold.fold_tree",
     "coevo.tree.functions.FunctionSet",

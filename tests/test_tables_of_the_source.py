@@ -14,7 +14,9 @@ import pytest
 from coevo.config import RunSettings, check
 
 # The experiments of section 6.4 with the dissertation's own conditions.
-EXPERIMENTS = tuple(f"chapter6/dissertation-{name}" for name in ("two-learners", "stationary-opponent", "three-learners"))
+EXPERIMENTS = tuple(
+    f"chapter6/dissertation-{name}" for name in ("two-learners", "stationary-opponent", "three-learners")
+)
 PRESETS = ("two-learners", "stationary-opponent", "three-learners", "smoke", *EXPERIMENTS)
 
 # RoboCup, "The Regulations for Full Set Small Size Robot League", 30 September 1997: three times the length and the

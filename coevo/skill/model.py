@@ -313,7 +313,7 @@ def installed_skills() -> list[str]:
 
     Example:
         >>> from coevo.skill import installed_skills
-        >>> installed_skills()
+        >>> installed_skills()[:4]
         ['shoot', 'pass', 'avoid', 'search']
     """
     order = {"shoot": 0, "pass": 1, "avoid": 2, "search": 3}

@@ -206,11 +206,21 @@ def test_a_missing_key_is_named():
         check(Recipe, {"name": "mine", "objects": [{"kind": "ball"}]}, "mine.toml")
 
 
-def test_the_recipes_of_the_four_skills_are_installed():
-    assert installed_recipes() == sorted(TASKS)
-    for name in TASKS:
+def test_the_recipes_of_the_skills_are_installed():
+    tasks = {**{name: name for name in (*TASKS, "defend", "home")}, "shoot-in-view": "shoot", "pass-in-view": "pass"}
+    assert installed_recipes() == sorted(tasks)
+    for name, task in tasks.items():
         recipe = read_recipe(name)
-        assert recipe.name == recipe.task == name
+        assert (recipe.name, recipe.task) == (name, task)
+
+
+@pytest.mark.parametrize(
+    ("name", "needed"), [("shoot-in-view", ("ball",)), ("pass-in-view", ("ball",)), ("defend", ("ball",))]
+)
+def test_installed_skills_that_are_for_what_is_in_view_have_the_domain_of_their_recipes(name, needed):
+    recipe, skill = read_recipe(name), load_skill(name)
+    assert tuple(model.kind for model in recipe.objects if model.needed) == skill.domain == needed
+    assert all(load_skill(complete).domain == () for complete in TASKS)
 
 
 def test_a_file_of_ones_own_is_read_as_it_was_written(tmp_path):

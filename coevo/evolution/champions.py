@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from coevo.evolution.evaluation import Evaluator, Match
 from coevo.fitness import Scorer
 from coevo.game import Played
-from coevo.records import best_first
 from coevo.run import Run
 from coevo.seeds import RunStream, game_seeds
 from coevo.tree import Program, compile_program
@@ -107,18 +106,20 @@ def judge_again(run: Run, evaluator: Evaluator, tell: Callable[[str], None]) -> 
 def _ranked(run: Run, role: int, scorer: Scorer) -> list[_Tree]:
     """Return the best different trees of a role, as many as are needed, by the fitness of the last generation."""
     last = run.config.gp.generations - 1
-    found: dict[bytes, tuple[tuple[float, int, int, int], _Tree]] = {}
-    functions = run.game.function_set(role)
+    # By tree: rank, fitness as evolved, codes.
+    found: dict[bytes, tuple[tuple[float, int, int, int], float, NDArray[np.uint8]]] = {}
     for generation in range(0 if run.config.gp.variation == "random" else last, last + 1):
         record = next(one for one in run.records(generation) if one.role == role)
         fitness = scorer(record.counts, last)
-        for index in best_first(fitness, record.depth)[:_CANDIDATES].tolist():
-            key = record.codes[index].tobytes()
-            rank = (float(fitness[index]), int(record.depth[index]), generation, index)
+        for index, codes in enumerate(record.codes):
+            key, rank = codes.tobytes(), (float(fitness[index]), int(record.depth[index]), generation, index)
             if key not in found or rank < found[key][0]:
-                program = compile_program(record.codes[index], functions)
-                found[key] = rank, _Tree(generation, index, float(record.fitness[index]), program)
-    return [tree for _, tree in sorted(found.values(), key=lambda one: one[0])[:_CANDIDATES]]
+                found[key] = rank, float(record.fitness[index]), codes
+    functions = run.game.function_set(role)
+    return [
+        _Tree(rank[2], rank[3], evolved, compile_program(codes, functions))
+        for rank, evolved, codes in sorted(found.values(), key=lambda one: one[0])[:_CANDIDATES]
+    ]
 
 
 def _candidates(roles: Sequence[int], ranked: Mapping[int, Sequence[_Tree]]) -> list[_Team]:

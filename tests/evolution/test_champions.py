@@ -12,7 +12,8 @@ import pytest
 
 from coevo.contest import champions
 from coevo.errors import InputError
-from coevo.fitness import fixed
+from coevo.evolution.champions import _ranked
+from coevo.fitness import Scorer, fixed
 from coevo.game import Arena, programs_of
 from coevo.run import CHAMPION_COLUMNS, create_run, open_run
 from coevo.seeds import RunStream, game_seeds
@@ -20,9 +21,12 @@ from coevo.usage import used_tree
 
 GAMES = 4  # of evolution, and of a block
 FITNESS_OF = ("goals", "lost", "kicks", "collisions", "steps")
+# Kicks are soon enough, so that it matters which games are a block.
+WEIGHTS = {"alpha_l": 0.5, "alpha_k": 0.05, "alpha_c": 0.005, "alpha_s": 0.0001, "beta": 12.0}
 NEAR = (
     *("game.time_limit_steps=150", f"evaluation.games={GAMES}", "gp.generations=2", "gp.population=5"),
     "game.ball_start={ x_m = [7.0, 7.4], y_m = [2.0, 2.5] }",
+    f"fitness.fixed={{ {', '.join(f'{name} = {value}' for name, value in WEIGHTS.items())} }}",
     "players.0.start={ x_m = [6.3, 6.6], y_m = [2.1, 2.4] }",
     "players.2.start={ x_m = [7.6, 7.9], y_m = [2.0, 2.6] }",
 )
@@ -30,7 +34,7 @@ NEAR = (
 
 @pytest.fixture(scope="module")
 def settings_for(small_settings):
-    return lambda *more: small_settings(*NEAR, "evaluation.champion_games=8", *more)
+    return lambda *more: small_settings(*NEAR, "evaluation.champion_games=16", *more)
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +89,7 @@ def judged(run, generations):
                     counts[name][game // GAMES] += played.counts[name][0]
                 won += int(played.winner[0] == team)
                 lost += int(played.winner[0] == 1 - team)
-            fitness = fixed(*(counts[name] for name in FITNESS_OF), t_max=GAMES).mean(axis=0)[list(roles)]
+            fitness = fixed(*(counts[name] for name in FITNESS_OF), t_max=GAMES, **WEIGHTS).mean(axis=0)[list(roles)]
             who = [best[role][place][:2] for role, place in zip(roles, places, strict=True)]
             found[team].append((fitness, sum(places), places, who, won, lost))
     return found
@@ -111,9 +115,18 @@ def test_with_more_blocks_the_figures_are_means_over_all_and_the_chosen_beats_th
         who = list(zip(rows["generation"], rows["index"], strict=True))
         (own,) = [one for one in candidates if one[3] == who]
         assert rows["fitness_again"].to_numpy() == pytest.approx(own[0], rel=1e-12)
-        assert set(zip(rows["games"], rows["won"], rows["lost"], strict=True)) == {(8, *own[4:])}
+        assert set(zip(rows["games"], rows["won"], rows["lost"], strict=True)) == {(16, *own[4:])}
         better = sum(one[0].sum() < own[0].sum() - 1e-9 for one in candidates)
         assert better <= len(candidates) - -(-len(candidates) // 4)  # only what fell out in the first round may be
+
+
+def test_candidates_are_the_best_different_trees(run, searched, monkeypatch):
+    monkeypatch.setattr("coevo.evolution.champions._CANDIDATES", 3)
+    for of, generations in ((run, [1]), (searched, range(3))):
+        for role in range(3):
+            ranked = _ranked(of, role, Scorer(of.config, of.game.counts))
+            told = [(tree.generation, tree.place) for tree in ranked]
+            assert told == [one[:2] for one in distinct(of, f"r{role}", generations)[:3]]
 
 
 def test_fitness_is_that_which_evolution_saw(run, searched):

@@ -242,11 +242,12 @@ junk = st.recursive(
 @given(data=st.data(), value=junk)
 def test_anything_in_the_place_of_a_setting_is_taken_or_refused(data, value, recipe):
     more = ['conditions.near={objects=["ball"], expression="area >= 9"}', "skills.strike=shoot"]
+    more += ['levels={keys=[{"world.ball.mass_kg"=[0.3, 0.4]}], raise_when={decided={at_least=0.5}}}']
     settings = tomllib.loads(to_toml(check(RunSettings, override(recipe("smoke"), more), "smoke")))
     node = settings
     while True:
         key = data.draw(st.sampled_from(sorted(node) if isinstance(node, dict) else range(len(node))))
-        if not isinstance(node[key], dict | list) or data.draw(st.integers(0, 3)) == 0:
+        if not isinstance(node[key], dict | list) or not node[key] or data.draw(st.integers(0, 3)) == 0:
             break
         node = node[key]
     node[key] = value

@@ -13,7 +13,10 @@ from coevo.config.reader import NonNegative, Settings, Share
 __all__ = ["ComplexitySettings", "CriterionSettings", "LevelsSettings", "Stall"]
 
 Stall = Literal["grow", "lower", "raise", "stay", "end"]
-_Together = Annotated[dict[str, Annotated[tuple[Any, ...], Meta(min_length=1, max_length=10_000)]], Meta(min_length=1)]
+_Value = bool | int | float | str | list[Any] | dict[str, Any]
+_Together = Annotated[
+    dict[str, Annotated[tuple[_Value, ...], Meta(min_length=1, max_length=10_000)]], Meta(min_length=1)
+]
 
 
 class CriterionSettings(Settings, frozen=True, kw_only=True):
@@ -94,7 +97,7 @@ class LevelsSettings(ComplexitySettings, frozen=True, kw_only=True):
             raise ValueError("dimension, most_dimensions and converged_below are for learners; evolution has no axes")
 
 
-def _check_tables(tables: tuple[dict[str, tuple[Any, ...]], ...]) -> None:
+def _check_tables(tables: tuple[_Together, ...]) -> None:
     keys = [key for table in tables for key in table]
     for one, other in itertools.permutations(keys, 2):
         if one == other or other.startswith(f"{one}."):

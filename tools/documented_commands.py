@@ -44,6 +44,7 @@ from coevo.cli.reproducing import reproduce
 from coevo.errors import InputError
 from coevo.recipes import is_path, read_experiment
 from coevo.skill import load_skill
+from coevo.study.plan import read_plan
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ("*.md", "docs/*.md", "docs/how-to/*.md", "docs/decisions/*.md", "runs/*.md")
@@ -203,6 +204,7 @@ def _read_recipes(path: str, given: dict[str, Any]) -> None:
 _READERS: dict[str, tuple[str, Callable[[str, tuple[str, ...]], Any]]] = {
     "evolve": ("recipe", read_experiment),
     "learn": ("source", lambda name, _: read_recipe(name)),
+    "study": ("source", lambda name, _: read_plan(name)),
     "skills evaluate": ("skill", lambda name, _: load_skill(name)),
     "skills watch": ("skill", lambda name, _: None if name.endswith(".npz") else load_skill(name)),
     "reproduce categories": ("recipes", read_experiment),

@@ -20,6 +20,7 @@ from coevo.game import check_playable, own_references, prepare
 from coevo.plugins import own_file
 from coevo.recipes import recipe_names, recipe_path
 from coevo.records import CHOSE
+from coevo.levels import check_levels
 from coevo.run import Run, create_run, open_run
 from coevo.study.kinds import Cell
 
@@ -106,6 +107,7 @@ class EvolutionRuns:
         """Make game and fitness once; return the modules of one's own that lie beside the recipe."""
         assert isinstance(settings, EvolutionSettings)
         Scorer(settings, check_playable(settings, folders).counts, folders)
+        check_levels(settings, folders)
         found = (own_file(reference, folders) for reference in own_references(settings))
         return [path for path in found if path is not None]
 

@@ -160,6 +160,18 @@ def test_skill(follow):
     assert list(run.game.function_set(0).terminals) == ["shoot", "pass", "avoid", "find"]
 
 
+@pytest.mark.slow
+def test_study(follow, capsys):
+    folder = follow("study.md")
+    table, again = (pd.read_csv(folder / "runs" / name / "table.csv") for name in ("mine", "again"))
+    assert table["run"].tolist() == [f"smoke-{kind}-seed{seed}" for kind in ("fixed", "varying") for seed in range(3)]
+    assert again.equals(table[table["seed"] < 2].reset_index(drop=True))
+    assert "comparison.html" in {path.name for path in folder.iterdir()}
+    (text,) = [text for kind, text in BLOCK.findall((DOCS / "how-to/study.md").read_text("utf-8")) if kind == "python"]
+    exec(text, {})  # noqa: S102 - of our own page
+    assert capsys.readouterr().out.split()[0] == "fixed"
+
+
 def test_watch(follow):
     folder = follow("watch.md")
     assert {path.name for path in folder.glob("*.html")} == {"again.html", "game.html", "search.html", "shoot.html"}

@@ -51,7 +51,7 @@ def undisturbed(finished_study):
 
 def wait_for_generation(folder, process, number=4):
     """Wait until some run of a study has a generation."""
-    until = time.monotonic() + 120
+    until = time.monotonic() + 600
     while not list(folder.glob(f"*/individuals.parquet/part-{number:05d}.parquet")):
         assert process.poll() is None, (folder.parent / f"{folder.name}.log").read_text()
         assert time.monotonic() < until
@@ -73,7 +73,7 @@ def test_a_worker_killed_in_the_middle_changes_nothing(options, study, undisturb
     process = study("out", *options)
     wait_for_generation(tmp_path / "out", process)
     assert kill_a_worker(process)
-    code = process.wait(timeout=240)
+    code = process.wait(timeout=900)
     assert code == 0, (tmp_path / "out.log").read_text()
     assert (tmp_path / "out" / "table.csv").read_bytes() == undisturbed
     assert not (tmp_path / "out" / "failed.csv").exists()
@@ -85,11 +85,11 @@ def test_ctrl_c_leaves_all_that_is_done_and_the_same_command_goes_on(options, st
     wait_for_generation(tmp_path / "out", process)
     workers = psutil.Process(process.pid).children(recursive=True)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
-    assert process.wait(timeout=60) == 130
+    assert process.wait(timeout=300) == 130
     said = (tmp_path / "out.log").read_text()
     assert "Traceback" not in said
     assert "Go on with the same command." in said
-    assert not psutil.wait_procs(workers, timeout=30)[1]
+    assert not psutil.wait_procs(workers, timeout=120)[1]
     process = study("again", "--out", tmp_path / "out")
-    assert process.wait(timeout=240) == 0
+    assert process.wait(timeout=900) == 0
     assert (tmp_path / "out" / "table.csv").read_bytes() == undisturbed

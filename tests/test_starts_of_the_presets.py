@@ -3,8 +3,9 @@
 The dissertation gives words, not places (6.4.2, 6.4.3): r0 near the ball, r1 well placed but farther off, r2 in front
 of the goal that they attack, where it sees the ball and its own target. ``docs/decisions/0004-placements.md`` says what
 was made of them, in the recipes of the dissertation's own conditions. Here starts are drawn from these by a sampler of
-the test's own, and looked at by geometry and by the camera. The limits are such that a region that is moved by half a metre, or a robot that faces something else or
-is spread otherwise, fails at least one of them. (Where the standing opponent looks means nothing.)
+the test's own, and looked at by geometry and by the camera. The limits are such that a region that is moved by half a
+metre, or a robot that faces something else or is spread otherwise, fails at least one of them. (Where the standing
+opponent looks means nothing.)
 """
 
 from __future__ import annotations

@@ -17,10 +17,10 @@ from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
 from coevo.fitness import Scorer
 from coevo.game import check_playable, own_references, prepare
+from coevo.levels import check_levels
 from coevo.plugins import own_file
 from coevo.recipes import recipe_names, recipe_path
 from coevo.records import CHOSE
-from coevo.levels import check_levels
 from coevo.run import Run, create_run, open_run
 from coevo.study.kinds import Cell
 

@@ -47,13 +47,21 @@ class Finished:
         """Return the row of the best individual of the last generation, as evolution judged it."""
         return self.run.record(self.run.finished - 1, robot).iloc[0]
 
+    def champion(self, robot: str) -> Any:
+        """Return the row of the last champion: the best, or who was chosen when champions were judged again."""
+        generation, rank = self.run.champion(robot, self.run.finished - 1)
+        return self.run.record(generation, robot).iloc[rank]
+
 
 def _robots(of: Finished) -> dict[str, Cell]:
     found: dict[str, Cell] = {}
+    again = of.run.champions()
     for robot in of.run.evolving.values():
-        best = of.best(robot)
-        found[f"{robot}_best_fitness"] = float(best["fitness"])
-        found |= {f"{robot}_{size}": int(best[size]) for size in ("depth", "nodes")}
+        champion = of.champion(robot)
+        found[f"{robot}_best_fitness"] = float(of.best(robot)["fitness"])
+        if again is not None:
+            found[f"{robot}_fitness_again"] = float(again.loc[again["robot"] == robot, "fitness_again"].iloc[0])
+        found |= {f"{robot}_{size}": int(champion[size]) for size in ("depth", "nodes")}
     return found
 
 
@@ -69,17 +77,17 @@ def _use(of: Finished) -> dict[str, Cell]:
     for one in of.judged:
         shares: dict[str, list[float]] = {}
         for robot in one.robots:
-            best, terminals = of.best(robot), of.run.game.function_set(of.run.number_of(robot)).terminals
-            decisions = sum(int(best[CHOSE + name]) for name in terminals)
+            champion, terminals = of.champion(robot), of.run.game.function_set(of.run.number_of(robot)).terminals
+            decisions = sum(int(champion[CHOSE + name]) for name in terminals)
             for name in terminals:
-                shares.setdefault(name, []).append(int(best[CHOSE + name]) / max(decisions, 1))
+                shares.setdefault(name, []).append(int(champion[CHOSE + name]) / max(decisions, 1))
         found |= {f"team{one.team}_use_{name}": float(np.mean(values)) for name, values in shares.items()}
     return found
 
 
 # What is measured of a finished run: a further measure is a line here, and finished runs are then measured again.
 _MEASURES: dict[str, Callable[[Finished], dict[str, Cell]]] = {
-    "robots": _robots,  # best fitness, depth and nodes of each robot that evolves
+    "robots": _robots,  # best fitness; what the champion of each robot was judged again at, its depth and nodes
     "unseen": _unseen,  # of each team that evolves, share of unseen games won by its last, first, and single skills
     "use": _use,  # of each such team, share of the decisions for each skill, mean over its champions
 }

@@ -98,7 +98,9 @@ def categories(*, recipes: tuple[str, ...], teams: int, seed: int, as_json: bool
              coevo reproduce categories three-learners --teams 10
     """
     del quiet  # it shows no progress
-    presets = ("two-learners", "stationary-opponent", "three-learners")
+    presets = tuple(
+        f"chapter6/dissertation-{name}" for name in ("two-learners", "stationary-opponent", "three-learners")
+    )
     found = tercile_table(_together(recipes or presets, teams, seed))
     rows = [
         [row["seen"], str(row["samples"]), f"{row['small_below_px']:.0f}", f"{row['large_from_px']:.0f}"]

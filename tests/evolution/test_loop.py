@@ -51,7 +51,7 @@ def eventful_run(small_settings, go_on, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def stationary_run(small_settings, go_on, tmp_path_factory):
-    settings = small_settings(preset="stationary-opponent")
+    settings = small_settings(preset="chapter6/dissertation-stationary-opponent")
     return go_on(create_run(tmp_path_factory.mktemp("stationary") / "run", settings))
 
 

@@ -16,7 +16,12 @@ from coevo.soccer.conditions import things_of
 from coevo.tree import parse
 from coevo.vocabulary import CATEGORIES, SKILLS
 
-PRESETS = ("two-learners", "stationary-opponent", "three-learners", "smoke")
+PRESETS = (
+    "chapter6/dissertation-two-learners",
+    "chapter6/dissertation-stationary-opponent",
+    "chapter6/dissertation-three-learners",
+    "smoke",
+)
 HAND_TYPED = "IF_ball_is_lost(search, shoot)"
 
 
@@ -38,7 +43,7 @@ def test_leaves_and_skills_are_counted_once_a_step(preset, settings_of, programs
 
 
 def test_a_game_ends_with_a_goal_or_with_time(settings_of, programs, the_same_tree, seeds_of):
-    settings = settings_of("two-learners")
+    settings = settings_of("chapter6/dissertation-two-learners")
     arena, limit, length = Arena(settings), settings.game.time_limit_steps, settings.world.field.length_m
     team = programs(settings, the_same_tree(settings, HAND_TYPED))
     scored = set()
@@ -55,7 +60,7 @@ def test_a_game_ends_with_a_goal_or_with_time(settings_of, programs, the_same_tr
 
 
 def test_a_robot_without_a_tree_stands_until_it_is_pushed(settings_of, programs, the_same_tree, seeds_of):
-    settings = settings_of("stationary-opponent")
+    settings = settings_of("chapter6/dissertation-stationary-opponent")
     arena, trees = Arena(settings), the_same_tree(settings, HAND_TYPED)
     still = 0
     for seed in seeds_of(14, count=10):
@@ -84,7 +89,7 @@ def holds(settings, thing, category, features, area):
 
 @pytest.mark.parametrize("robot", [0, 1, 2])
 def test_each_condition_is_what_the_robot_sees(robot, settings_of, programs, the_same_tree):
-    settings = settings_of("three-learners", "game.time_limit_steps=250")
+    settings = settings_of("chapter6/dissertation-three-learners", "game.time_limit_steps=250")
     arena, eye = Arena(settings), PlainGame(settings)
     seen = {}
     for thing, name in enumerate(things_of(robot, 3)):
@@ -103,7 +108,7 @@ def test_each_condition_is_what_the_robot_sees(robot, settings_of, programs, the
 def test_the_objects_of_robots_are_the_others_in_their_order(settings_of, programs, seeds_of):
     # r0 starts with its back to r2. Without any camera: what is behind is lost, what is ahead alone is not.
     settings = settings_of(
-        "three-learners",
+        "chapter6/dissertation-three-learners",
         "game.time_limit_steps=90",
         "game.ball_start={x_m=[1.3, 1.9], y_m=[1.3, 1.9]}",
         "players.0.start={x_m=[1.6, 2.2], y_m=[0.6, 1.2], facing='ball', spread_deg=15.0}",
@@ -123,7 +128,7 @@ def test_the_objects_of_robots_are_the_others_in_their_order(settings_of, progra
 
 
 def test_only_the_chosen_branch_decides(settings_of, programs, the_same_tree, seeds_of):
-    settings = settings_of("three-learners", "game.time_limit_steps=200")
+    settings = settings_of("chapter6/dissertation-three-learners", "game.time_limit_steps=200")
     arena = Arena(settings)
     always = "IF_ball_is_lost({0}, IF_ball_is_left({0}, IF_ball_is_middle({0}, IF_ball_is_right({0}, {1}))))"
     one = programs(settings, the_same_tree(settings, always.format("shoot", "search")))
@@ -133,7 +138,7 @@ def test_only_the_chosen_branch_decides(settings_of, programs, the_same_tree, se
 
 
 def test_games_seen_through_opencv_mostly_show_the_same(settings_of, the_same_tree, seeds_of):
-    settings = settings_of("three-learners", "game.time_limit_steps=60")
+    settings = settings_of("chapter6/dissertation-three-learners", "game.time_limit_steps=60")
     painted, exact = PlainGame(settings, camera="opencv"), PlainGame(settings)
     same, offsets = [], []
     for seed in seeds_of(20, count=2):
@@ -157,7 +162,7 @@ def test_games_seen_through_opencv_mostly_show_the_same(settings_of, the_same_tr
 
 def test_bodies_that_do_not_fit_are_the_users_to_mend(settings_of, programs, the_same_tree, seeds_of):
     spot = "{x_m=[2.0, 2.1], y_m=[2.0, 2.1]}"
-    settings = settings_of("two-learners", f"game.ball_start={spot}", f"players.0.start={spot}")
+    settings = settings_of("chapter6/dissertation-two-learners", f"game.ball_start={spot}", f"players.0.start={spot}")
     team = programs(settings, the_same_tree(settings, "shoot"))
     with pytest.raises(InputError, match=r"do not fit into their start regions.*widen game\.ball_start"):
         Arena(settings).play(team, seeds_of(21, count=1))

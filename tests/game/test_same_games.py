@@ -55,7 +55,7 @@ def wild(tmp_path_factory, settings_of):
         near = "start={x_m=[3.3, 4.7], y_m=[1.2, 2.6], facing='ball', spread_deg=60.0}"
         players = ", ".join(f"{{team={team}, {near}}}" for team in (0, 0, 1, 0))
         found[drive] = settings_of(
-            "three-learners",
+            "chapter6/dissertation-three-learners",
             f"players=[{players}]",
             f"world.robot.drive='{drive}'",
             "world.field.corner_panels=false",
@@ -108,7 +108,7 @@ ADDED = (
 def test_games_of_added_conditions_and_skills_are_those_of_the_plain_loop(
     settings_of, random_trees, seeds_of, play_both
 ):
-    settings = settings_of("three-learners", "game.time_limit_steps=300", *ADDED)
+    settings = settings_of("chapter6/dissertation-three-learners", "game.time_limit_steps=300", *ADDED)
     trees = random_trees(settings, 20, seed=31)
     asked = {name for team in trees for tree in team for name in tree.names}
     added = {name for robot in range(3) for name in SoccerGame(settings).function_set(robot).functions[35:]}
@@ -125,12 +125,12 @@ GIVEN = ("players.2.control=tree", "players.2.tree='IF_r0_is_lost(search, IF_bal
 def test_a_given_tree_plays_the_games_of_the_plain_loop_and_those_of_the_same_tree_that_evolves(
     settings_of, random_trees, seeds_of, play_both, programs
 ):
-    settings = settings_of("three-learners", "game.time_limit_steps=200", *GIVEN)
+    settings = settings_of("chapter6/dissertation-three-learners", "game.time_limit_steps=200", *GIVEN)
     trees, seeds = random_trees(settings, 8, seed=33), seeds_of(34, count=8)
     assert {team[2] for team in trees} == {None}
-    different, outcomes = play_both(settings, trees, seeds)
+    different, outcomes, _ = play_both(settings, trees, seeds)
     assert different == []
-    evolving = settings_of("three-learners", "game.time_limit_steps=200")
+    evolving = settings_of("chapter6/dissertation-three-learners", "game.time_limit_steps=200")
     given = parse(settings.players[2].tree)
     for team, seed, outcome in zip(trees, seeds, outcomes, strict=True):
         played = Arena(evolving).play(programs(evolving, [*team[:2], given]), np.array([seed]))
@@ -151,7 +151,7 @@ def test_a_given_tree_plays_the_games_of_the_plain_loop_and_those_of_the_same_tr
 )
 def test_a_tree_without_a_robot_and_a_robot_without_a_tree_are_refused(assignments, said, settings_of):
     with pytest.raises(InputError, match=re.escape(said)):
-        settings_of("three-learners", *assignments)
+        settings_of("chapter6/dissertation-three-learners", *assignments)
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_a_tree_without_a_robot_and_a_robot_without_a_tree_are_refused(assignmen
     ],
 )
 def test_a_given_tree_that_asks_what_is_not_there_is_refused(tree, said, settings_of):
-    settings = settings_of("three-learners", GIVEN[0], f"players.2.tree='{tree}'")
+    settings = settings_of("chapter6/dissertation-three-learners", GIVEN[0], f"players.2.tree='{tree}'")
     with pytest.raises(InputError, match=re.escape(said)):
         check_playable(settings)
 
@@ -207,7 +207,7 @@ def everything(arena, team, seed):
 
 @pytest.mark.parametrize("noise", ["", "world.camera.noise_px=0.5"])
 def test_a_game_is_the_same_whatever_was_played_before(wild, noise, settings_of, programs, random_trees, seeds_of):
-    for settings in (settings_of("three-learners", *filter(None, [noise])), wild["pws"]):
+    for settings in (settings_of("chapter6/dissertation-three-learners", *filter(None, [noise])), wild["pws"]):
         teams = [programs(settings, trees) for trees in random_trees(settings, 6, seed=6)]
         games = [(team, seed) for team in teams for seed in seeds_of(7, count=3)]
         alone = [everything(Arena(settings), *game) for game in games]
@@ -219,7 +219,7 @@ def test_a_game_is_the_same_whatever_was_played_before(wild, noise, settings_of,
 
 
 def test_a_game_is_the_same_whatever_else_is_in_the_call(settings_of, programs, random_trees, seeds_of):
-    settings = settings_of("three-learners")
+    settings = settings_of("chapter6/dissertation-three-learners")
     arena, seeds = Arena(settings), seeds_of(8, count=12)
     (team,) = (programs(settings, trees) for trees in random_trees(settings, 1, seed=9))
     together = arena.play(team, seeds)
@@ -236,7 +236,7 @@ def test_a_game_is_the_same_whatever_else_is_in_the_call(settings_of, programs, 
 
 
 def test_a_trace_is_the_game_that_is_played(settings_of, programs, random_trees, seeds_of):
-    settings = settings_of("three-learners")
+    settings = settings_of("chapter6/dissertation-three-learners")
     arena, seeds = Arena(settings), seeds_of(9, count=6)
     (team,) = (programs(settings, trees) for trees in random_trees(settings, 1, seed=10))
     played = arena.play(team, seeds)
@@ -251,7 +251,7 @@ def test_a_trace_is_the_game_that_is_played(settings_of, programs, random_trees,
 
 
 def test_no_games_are_no_trouble(settings_of, programs, the_same_tree):
-    settings = settings_of("two-learners")
+    settings = settings_of("chapter6/dissertation-two-learners")
     outcome = Arena(settings).play(programs(settings, the_same_tree(settings, "shoot")), np.zeros(0, np.uint64))
     assert outcome.steps.shape == (0,)
     assert outcome.goals_of(0) == 0
@@ -266,7 +266,10 @@ def test_noise_is_off_by_default(preset, settings_of):
 
 @pytest.mark.parametrize("noise", ["world.camera.noise_px=1.0", "world.robot.actuator_noise=0.1"])
 def test_noise_changes_a_game_and_can_be_repeated(noise, settings_of, programs, the_same_tree, seeds_of):
-    quiet, noisy = settings_of("two-learners"), settings_of("two-learners", noise)
+    quiet, noisy = (
+        settings_of("chapter6/dissertation-two-learners"),
+        settings_of("chapter6/dissertation-two-learners", noise),
+    )
     team = programs(quiet, the_same_tree(quiet, HAND_TYPED))
     for seed in seeds_of(18, count=5):
         clean, one, two = (everything(Arena(settings), team, seed) for settings in (quiet, noisy, noisy))
@@ -279,7 +282,7 @@ def test_noise_changes_a_game_and_can_be_repeated(noise, settings_of, programs, 
 def test_actuator_noise_has_its_deviation(settings_of, programs, the_same_tree, seeds_of):
     # A robot that stands is not disturbed; one that drives is, by a share of its speed.
     settings = settings_of(
-        "two-learners",
+        "chapter6/dissertation-two-learners",
         "world.robot.actuator_noise=0.05",
         "world.robot.max_acceleration_mps2=1e5",
         "skills_elsewhere=allow",

@@ -42,7 +42,7 @@ def test_games_with_options_are_those_of_the_plain_loop(
     what, narrow, settings_of, random_trees, the_same_tree, seeds_of, play_both, programs
 ):
     options = {"stuck": STUCK, "narrow": narrow, "weak": WEAK, "all": (*STUCK, *narrow, *WEAK)}[what]
-    settings = settings_of("three-learners", "game.time_limit_steps=250", *options)
+    settings = settings_of("chapter6/dissertation-three-learners", "game.time_limit_steps=250", *options)
     trees = [the_same_tree(settings, name) for name in ("shoot", "pass")] + random_trees(settings, 10, seed=41)
     seeds = seeds_of(42, count=len(trees))
     different, outcomes, traces = play_both(settings, trees, seeds)
@@ -54,13 +54,13 @@ def test_games_with_options_are_those_of_the_plain_loop(
         assert places[:, 0].min() >= 1.5
         assert places[:, 0].max() <= field.length_m - 1.5
     # Without the option, the same games are others.
-    arena = Arena(settings_of("three-learners", "game.time_limit_steps=250"))
+    arena = Arena(settings_of("chapter6/dissertation-three-learners", "game.time_limit_steps=250"))
     without = [arena.trace(programs(settings, team), seed)[1] for team, seed in zip(trees, seeds, strict=True)]
     assert sum(one.states.tobytes() != two.states.tobytes() for one, two in zip(traces, without, strict=True)) >= 6
 
 
 def test_a_skill_stands_where_it_does_not_see_what_it_needs(narrow, settings_of, the_same_tree, seeds_of, play_both):
-    settings = settings_of("two-learners", "game.time_limit_steps=300", *narrow)
+    settings = settings_of("chapter6/dissertation-two-learners", "game.time_limit_steps=300", *narrow)
     stand = action_set(settings.world.robot).standing
     assert not action_set(settings.world.robot).commands[stand].any()
     trees, seeds = [the_same_tree(settings, "shoot")] * 6, seeds_of(43, count=6)
@@ -80,7 +80,7 @@ def test_a_skill_stands_where_it_does_not_see_what_it_needs(narrow, settings_of,
 def test_a_weak_robot_drives_and_turns_at_its_share(settings_of, the_same_tree, programs, seeds_of):
     fastest = {}
     for strength in (1.0, 0.5):
-        settings = settings_of("two-learners", f"players.0.strength={strength}")
+        settings = settings_of("chapter6/dissertation-two-learners", f"players.0.strength={strength}")
         team = programs(settings, the_same_tree(settings, "shoot"))
         speeds = []
         for seed in seeds_of(44, count=10):
@@ -89,7 +89,7 @@ def test_a_weak_robot_drives_and_turns_at_its_share(settings_of, the_same_tree, 
             speeds.append(np.abs(trace.states[away[0] & away[1], 0, 3:]))  # nobody pushes it
         told = np.concatenate(speeds)
         fastest[strength] = np.hypot(told[:, 0], told[:, 1]).max(), told[:, 2].max()
-    robot = settings_of("two-learners").world.robot
+    robot = settings_of("chapter6/dissertation-two-learners").world.robot
     for strength, (speed, turn) in fastest.items():
         assert speed == pytest.approx(robot.max_speed_mps * strength, rel=0.02)
         assert turn == pytest.approx(np.radians(robot.max_turn_rate_dps) * strength, rel=0.02)

@@ -16,7 +16,7 @@ HAND_TYPED, PASSES = "IF_ball_is_lost(search, shoot)", "IF_ball_is_lost(search, 
 @pytest.fixture(scope="module")
 def random_goals(settings_of, programs, random_trees, seeds_of):
     """Return the share of games that each of many random teams wins."""
-    settings, games = settings_of("two-learners"), 5
+    settings, games = settings_of("chapter6/dissertation-two-learners"), 5
     arena, teams = Arena(settings), random_trees(settings, 600, seed=25)
     won = [
         arena.play(programs(settings, trees), seeds_of(24, team, count=games)).goals_of(0)
@@ -36,7 +36,7 @@ def random_goals(settings_of, programs, random_trees, seeds_of):
 def test_a_team_with_some_sense_scores_clearly_more_than_random_ones(
     random_goals, trees, settings_of, programs, seeds_of
 ):
-    settings, games = settings_of("two-learners"), 1000
+    settings, games = settings_of("chapter6/dissertation-two-learners"), 1000
     team = programs(settings, [parse(tree) for tree in trees])
     share = Arena(settings).play(team, seeds_of(23, count=games)).goals_of(0) / games
     # One-sided, 99.9 %: games of one random team are not independent of each other, but teams are.
@@ -45,7 +45,7 @@ def test_a_team_with_some_sense_scores_clearly_more_than_random_ones(
     assert share - random[0] > 3.1 * error, (share, *random)
 
 
-@pytest.mark.parametrize("preset", ["two-learners", "stationary-opponent"])
+@pytest.mark.parametrize("preset", ["chapter6/dissertation-two-learners", "chapter6/dissertation-stationary-opponent"])
 def test_a_team_that_passes_does_better_than_one_robot_alone(preset, settings_of, programs, seeds_of):
     settings, games = settings_of(preset), 1000
     arena = Arena(settings)
@@ -60,7 +60,7 @@ def test_a_team_that_passes_does_better_than_one_robot_alone(preset, settings_of
 
 
 def test_a_tree_is_its_text_in_any_writing(settings_of, programs, seeds_of):
-    settings = settings_of("two-learners")
+    settings = settings_of("chapter6/dissertation-two-learners")
     spaced = parse(" IF_ball_is_lost ( search ,shoot ) ")
     assert spaced == Tree(("IF_ball_is_lost", "search", "shoot")) == parse(HAND_TYPED)
     arena = Arena(settings)

@@ -18,7 +18,11 @@ from coevo.seeds import RunStream, game_seeds
 from coevo.soccer.camera import BALL, ROBOTS
 
 SEED = 2
-PRESETS = ("two-learners", "stationary-opponent", "three-learners")
+PRESETS = (
+    "chapter6/dissertation-two-learners",
+    "chapter6/dissertation-stationary-opponent",
+    "chapter6/dissertation-three-learners",
+)
 SMALL = ("gp.creation_depth_max=3", "game.time_limit_steps=120")
 
 
@@ -26,7 +30,9 @@ def kind_of(thing):
     return "ball" if thing == BALL else "robot" if thing >= ROBOTS else "goal"
 
 
-@pytest.mark.parametrize("preset", ["stationary-opponent", "three-learners"])
+@pytest.mark.parametrize(
+    "preset", ["chapter6/dissertation-stationary-opponent", "chapter6/dissertation-three-learners"]
+)
 def test_areas_are_those_of_a_ray_cast(preset, ray_cast):
     settings = read_settings(RunSettings, preset, SMALL)
     found = areas_table(settings, teams=2, seed=SEED)
@@ -74,7 +80,7 @@ def test_below_either_limit_lie_one_and_two_thirds():
 
 
 def test_the_command_tells_the_terciles_of_all_recipes_together():
-    words = ["smoke", "two-learners", "--teams", "2", "--seed", str(SEED)]
+    words = ["smoke", "chapter6/dissertation-two-learners", "--teams", "2", "--seed", str(SEED)]
     told = json.loads(CliRunner().invoke(categories, [*words, "--json"], catch_exceptions=False).stdout)
     areas = [areas_table(read_settings(RunSettings, name), teams=2, seed=SEED) for name in words[:2]]
     assert told == tercile_table(pd.concat(areas)).to_dict("records")

@@ -25,7 +25,12 @@ def game_of(recipe):
 
 def test_who_evolves_beside_them_needs_a_tree(game_of):
     assert [
-        needs_opponent(game_of(preset)) for preset in ("two-learners", "stationary-opponent", "three-learners")
+        needs_opponent(game_of(preset))
+        for preset in (
+            "chapter6/dissertation-two-learners",
+            "chapter6/dissertation-stationary-opponent",
+            "chapter6/dissertation-three-learners",
+        )
     ] == [
         False,
         False,
@@ -37,16 +42,23 @@ def test_everybody_who_evolves_has_a_tree(game_of):
     team = ("pass", SHOOTER)
     told = {
         preset: [None if tree is None else str(tree) for tree in team_trees(game_of(preset), team, opponent)]
-        for preset, opponent in (("two-learners", None), ("stationary-opponent", None), ("three-learners", "search"))
+        for preset, opponent in (
+            ("chapter6/dissertation-two-learners", None),
+            ("chapter6/dissertation-stationary-opponent", None),
+            ("chapter6/dissertation-three-learners", "search"),
+        )
     }
     assert told == {
-        "two-learners": ["pass", SHOOTER],
-        "stationary-opponent": ["pass", SHOOTER, None],
-        "three-learners": ["pass", SHOOTER, "search"],
+        "chapter6/dissertation-two-learners": ["pass", SHOOTER],
+        "chapter6/dissertation-stationary-opponent": ["pass", SHOOTER, None],
+        "chapter6/dissertation-three-learners": ["pass", SHOOTER, "search"],
     }
 
 
-@pytest.mark.parametrize(("preset", "opponent"), [("two-learners", "shoot"), ("three-learners", None)])
+@pytest.mark.parametrize(
+    ("preset", "opponent"),
+    [("chapter6/dissertation-two-learners", "shoot"), ("chapter6/dissertation-three-learners", None)],
+)
 def test_a_tree_too_many_or_too_few_is_refused(game_of, preset, opponent):
     with pytest.raises(InputError, match="an opponent plays by a tree where it evolves, and only there"):
         team_trees(game_of(preset), ("shoot", "shoot"), opponent)
@@ -55,4 +67,4 @@ def test_a_tree_too_many_or_too_few_is_refused(game_of, preset, opponent):
 @pytest.mark.parametrize("changes", [[(1, {"team": 1})], [(0, {"control": "stationary"})]])
 def test_r0_and_r1_must_be_a_team_that_evolves(game_of, changes):
     with pytest.raises(InputError, match="they must be in one team, and both evolve"):
-        needs_opponent(game_of("three-learners", changes))
+        needs_opponent(game_of("chapter6/dissertation-three-learners", changes))

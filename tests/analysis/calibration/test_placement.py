@@ -34,22 +34,28 @@ def single_games(game, trees, games=GAMES):
 @pytest.mark.parametrize(
     ("preset", "team", "typed"),
     [
-        ("two-learners", "r0 searches, then passes, r1 shoots", ("IF_ball_is_lost(search, pass)", "shoot")),
-        ("stationary-opponent", "r0 shoots", ("shoot", "search")),
-        ("three-learners", "both shoot", ("shoot", "shoot")),
+        (
+            "chapter6/dissertation-two-learners",
+            "r0 searches, then passes, r1 shoots",
+            ("IF_ball_is_lost(search, pass)", "shoot"),
+        ),
+        ("chapter6/dissertation-stationary-opponent", "r0 shoots", ("shoot", "search")),
+        ("chapter6/dissertation-three-learners", "both shoot", ("shoot", "shoot")),
     ],
 )
 def test_a_row_is_the_sum_of_single_games(preset, team, typed):
     game = SoccerGame(read_settings(RunSettings, preset))
     table = hand_typed_table(game, games=GAMES, seed=SEED)
     assert len(table) == len(table.drop_duplicates(["team", "opponent"]))
-    assert len(table) == (16 if preset == "three-learners" else 8)
+    assert len(table) == (16 if preset == "chapter6/dissertation-three-learners" else 8)
     rows = table[table["team"] == team].to_dict("records")
     assert [row["opponent"] for row in rows] == (
-        ["search", "IF_ball_is_lost(search, shoot)"] if preset == "three-learners" else [None]
+        ["search", "IF_ball_is_lost(search, shoot)"] if preset == "chapter6/dissertation-three-learners" else [None]
     )
     for row in rows:
-        others = {"two-learners": []}.get(preset, [None if row["opponent"] is None else parse(row["opponent"])])
+        others = {"chapter6/dissertation-two-learners": []}.get(
+            preset, [None if row["opponent"] is None else parse(row["opponent"])]
+        )
         counts, winner = single_games(game, [*map(parse, typed), *others])
         won = (winner == 0).astype(float)
         half = stats.t.ppf(0.975, GAMES - 1) * won.std(ddof=1) / math.sqrt(GAMES)
@@ -70,7 +76,9 @@ def test_a_row_is_the_sum_of_single_games(preset, team, typed):
 
 
 def test_random_teams_are_those_of_generation_0_and_their_goals_those_of_single_games():
-    settings = read_settings(RunSettings, "three-learners", ["gp.creation_depth_max=3", "gp.population=6"])
+    settings = read_settings(
+        RunSettings, "chapter6/dissertation-three-learners", ["gp.creation_depth_max=3", "gp.population=6"]
+    )
     game = SoccerGame(settings)
     found = random_goals(game, settings.gp, teams=6, seed=SEED)
     teams = random_teams(game, settings.gp, seed=SEED, teams=6)
@@ -80,8 +88,18 @@ def test_random_teams_are_those_of_generation_0_and_their_goals_those_of_single_
 
 
 def test_the_command_tells_what_the_tables_hold():
-    words = ["two-learners", "--games", "20", "--random-teams", "5", "--seed", str(SEED), "--set", SHORTER]
-    settings = read_settings(RunSettings, "two-learners", [SHORTER])
+    words = [
+        "chapter6/dissertation-two-learners",
+        "--games",
+        "20",
+        "--random-teams",
+        "5",
+        "--seed",
+        str(SEED),
+        "--set",
+        SHORTER,
+    ]
+    settings = read_settings(RunSettings, "chapter6/dissertation-two-learners", [SHORTER])
     game = SoccerGame(settings)
     table, found = hand_typed_table(game, games=20, seed=SEED), random_goals(game, settings.gp, teams=5, seed=SEED)
     told = json.loads(CliRunner().invoke(placement, [*words, "--json"], catch_exceptions=False).stdout)

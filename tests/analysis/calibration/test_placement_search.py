@@ -36,16 +36,16 @@ def game_of(preset, limit):
 @pytest.mark.parametrize(
     ("preset", "team", "opponent"),
     [
-        ("two-learners", ("IF_ball_is_lost(search, pass)", "shoot"), None),
-        ("two-learners", ("shoot", "search"), None),
-        ("stationary-opponent", ("shoot", "shoot"), None),
-        ("three-learners", ("shoot", "shoot"), "shoot"),
+        ("chapter6/dissertation-two-learners", ("IF_ball_is_lost(search, pass)", "shoot"), None),
+        ("chapter6/dissertation-two-learners", ("shoot", "search"), None),
+        ("chapter6/dissertation-stationary-opponent", ("shoot", "shoot"), None),
+        ("chapter6/dissertation-three-learners", ("shoot", "shoot"), "shoot"),
     ],
 )
 def test_what_a_shorter_limit_makes_of_it_is_what_comes_of_playing_with_it(preset, team, opponent):
     found = worth(game_of(preset, LIMITS[-1]), team, opponent, games=GAMES, seed=SEED)
     assert found["limit"].tolist() == list(LIMITS)
-    others = {"two-learners": []}.get(preset, [None if opponent is None else parse(opponent)])
+    others = {"chapter6/dissertation-two-learners": []}.get(preset, [None if opponent is None else parse(opponent)])
     kicks = []
     for row in found.to_dict("records"):
         game = game_of(preset, row["limit"])
@@ -64,7 +64,9 @@ def test_what_a_shorter_limit_makes_of_it_is_what_comes_of_playing_with_it(prese
 
 
 def test_fitness_is_6_1_of_both_robots():
-    found = worth(game_of("two-learners", LIMITS[-1]), ("shoot", "search"), None, games=GAMES, seed=SEED)
+    found = worth(
+        game_of("chapter6/dissertation-two-learners", LIMITS[-1]), ("shoot", "search"), None, games=GAMES, seed=SEED
+    )
     for row in found.to_dict("records"):
         apiece = max(0.0, 20 - row["goals"]) + 0.5 * row["lost"] + 1e-4 * row["steps"]
         kicks = sum(1e-3 * max(0.0, 4000 - row[name]) for name in ("kicks_r0", "kicks_r1"))
@@ -78,7 +80,7 @@ def test_the_gain_is_between_the_fittest_of_either_kind():
 
 
 def test_wherever_they_are_put_all_bodies_are_inside_the_field(recipe):
-    plain, random = recipe("three-learners"), np.random.default_rng(1)
+    plain, random = recipe("chapter6/dissertation-three-learners"), np.random.default_rng(1)
     kept = json.dumps(plain)
     world = msgspec.convert({}, type(check(RunSettings, plain, "").world))
     length, width, panel = world.field.length_m, world.field.width_m, world.field.corner_panel_m
@@ -108,7 +110,7 @@ def places():
     """Return three placements as they are drawn: few are worth measuring on."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("analysis.calibration.placement_search._NEARLY", -math.inf)
-        return best_places("two-learners", candidates=3, games=10, seed=1)
+        return best_places("chapter6/dissertation-two-learners", candidates=3, games=10, seed=1)
 
 
 def test_the_best_are_told_first_by_games_of_their_own(places):
@@ -125,7 +127,7 @@ def test_the_best_are_told_first_by_games_of_their_own(places):
 
 
 def test_placements_that_are_far_behind_at_a_first_look_are_not_measured():
-    assert best_places("two-learners", candidates=2, games=10, seed=1) == []
+    assert best_places("chapter6/dissertation-two-learners", candidates=2, games=10, seed=1) == []
 
 
 def test_the_command_tells_what_was_found(places, monkeypatch):
@@ -137,7 +139,7 @@ def test_the_command_tells_what_was_found(places, monkeypatch):
         return places
 
     monkeypatch.setattr("analysis.calibration.placement_search.best_places", found)
-    words = ["two-learners", "--candidates", "60", "--games", "20", "--seed", "4"]
+    words = ["chapter6/dissertation-two-learners", "--candidates", "60", "--games", "20", "--seed", "4"]
     told = json.loads(CliRunner().invoke(placement_search, [*words, "--json"], catch_exceptions=False).stdout)
     assert told == [{**place.settings, "steps": place.limit, "gain": place.gain} for place in places]
     said = CliRunner().invoke(placement_search, words, catch_exceptions=False)
@@ -145,17 +147,17 @@ def test_the_command_tells_what_was_found(places, monkeypatch):
     assert len(text) == 1 + len(places)
     assert text[1].endswith(f" {places[0].gain:.1f}")
     assert said.stderr == "50 of 60 placements\n"
-    assert asked == [("two-learners", 60, 20, 4, None)] * 2
+    assert asked == [("chapter6/dissertation-two-learners", 60, 20, 4, None)] * 2
 
 
 def test_an_opponent_that_evolves_has_to_be_told_how_to_play():
-    refused = CliRunner().invoke(placement_search, ["three-learners"])
+    refused = CliRunner().invoke(placement_search, ["chapter6/dissertation-three-learners"])
     assert isinstance(refused.exception, InputError)
     assert "say how it plays, as in --opponent shoot" in str(refused.exception)
 
 
 def test_another_field_is_refused(recipe, tmp_path):
-    wide = {**recipe("two-learners"), "world": {"field": {"width_m": 5.0}}}
+    wide = {**recipe("chapter6/dissertation-two-learners"), "world": {"field": {"width_m": 5.0}}}
     (tmp_path / "wide.toml").write_bytes(msgspec.toml.encode(wide))
     refused = CliRunner().invoke(placement_search, [str(tmp_path / "wide.toml")])
     assert isinstance(refused.exception, InputError)

@@ -78,8 +78,7 @@ def connected(address: str, workers: int, *, quiet: bool) -> Iterator[Client]:
                 " 'dask scheduler' and give its address, such as tcp://10.0.0.1:8786, or 'local'"
             ) from None
         client.run_on_scheduler(_allow_failures, _ALLOWED_FAILURES)
-        there = len(client.scheduler_info(n_workers=-1)["workers"])
-        if not there:
+        if not client.nthreads():
             note("The scheduler has no workers yet; the study begins when the first one joins.", quiet=quiet)
         yield client
 

@@ -37,6 +37,8 @@ PARTS = {
     RunStream.PARTNERS: 3,
     RunStream.CROSS: 2,
     RunStream.SINGLES: 1,
+    RunStream.GUESTS: 1,
+    RunStream.CHAMPIONS: 2,
     SkillStream.EXPERIENCE: 1,
     SkillStream.LEARNING: 1,
     SkillStream.EVALUATION: 1,
@@ -76,6 +78,7 @@ def test_streams_have_the_numbers_that_results_were_made_with():
     assert {stream.name: stream.value for stream in RunStream} == {
         "CREATION": 0, "VARIATION": 1, "GROUPING": 2, "GAMES": 3, "PLAY": 4, "UNSEEN": 5, "BENCH": 9,
         "CHOICE": 6, "TOURNAMENT": 7, "MEMBERS": 8, "AGAIN": 10, "PARTNERS": 11, "CROSS": 12, "SINGLES": 13,
+        "GUESTS": 14, "CHAMPIONS": 15,
     }  # fmt: skip
     assert [*SkillStream] == [0, 1, 2, 3, 4]
     assert [*SetStream] == [0, 1, 2, 3, 4, 9]

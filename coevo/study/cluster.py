@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import logging
+import signal
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
@@ -67,7 +68,9 @@ def connected(address: str, workers: int, *, quiet: bool) -> Iterator[Client]:
                 silence_logs=logging.CRITICAL,
             )
             stack.callback(cluster.close, timeout=5)
-            yield stack.enter_context(Client(cluster, set_as_default=False))
+            client = stack.enter_context(Client(cluster, set_as_default=False))
+            client.register_plugin(_ignoring_interrupts())
+            yield client
             return
         try:
             get_address_host_port(address)  # a client that was made with nonsense complains when it ends
@@ -81,6 +84,17 @@ def connected(address: str, workers: int, *, quiet: bool) -> Iterator[Client]:
         if not client.nthreads():
             note("The scheduler has no workers yet; the study begins when the first one joins.", quiet=quiet)
         yield client
+
+
+def _ignoring_interrupts() -> Any:
+    """Return what lets each worker leave Ctrl-C, which a terminal sends to all processes, to the one that directs."""
+    from distributed import WorkerPlugin
+
+    class Ignoring(WorkerPlugin):  # type: ignore[misc]  # read as if it had no types
+        def setup(self, worker: Any) -> None:  # noqa: ARG002 - Dask's signature; it is called in the main thread
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    return Ignoring()
 
 
 def _allow_failures(number: int, dask_scheduler: Any = None) -> None:

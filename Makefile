@@ -12,6 +12,8 @@ PACKAGES := coevo behaviors analysis
 # A process for each core. Each begins with a stretch of the tests as they are ordered, so that what tests of a file share
 # is made once; who has finished takes from the others. `-n 0` in ARGS: in one process, as for a debugger.
 PARALLEL := -n auto --dist worksteal
+# Threads of BLAS wait for each other where processes share the cores: what takes a second then takes six.
+test coverage docs-check: export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:

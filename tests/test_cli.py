@@ -656,7 +656,7 @@ def test_ctrl_c_saves_and_says_how_to_go_on(backend, lasting, start, results_of,
     process = start("evolve", recipe, "--out", folder, "--workers", "2", "--backend", backend)
     wait_for_generation(process, 4)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=300)
     assert process.returncode == 130
     assert out == ""
     assert "Traceback" not in err
@@ -665,7 +665,7 @@ def test_ctrl_c_saves_and_says_how_to_go_on(backend, lasting, start, results_of,
     assert f"Stopped; {saved} of 70 generations are saved. Go on with: coevo resume {folder}" in err
     assert err.rstrip().endswith("coevo: stopped")
     resumed = start("resume", folder, "--quiet", "--json")
-    out, err = resumed.communicate(timeout=120)
+    out, err = resumed.communicate(timeout=300)
     assert (resumed.returncode, err) == (0, "")
     assert json.loads(out)["generations"] == 70
     assert results_of(folder) == results_of(whole.path)
@@ -684,7 +684,7 @@ def kill_and_resume(lasting, start, folder, kills, seed):
         process.communicate()
         saved.append(open_run(folder).finished)
         process = start("resume", folder, "--quiet", "--json")
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=300)
     assert (process.returncode, err) == (0, "")
     assert json.loads(out)["generations"] == whole.config.gp.generations
     return saved
@@ -713,7 +713,7 @@ def test_a_reader_that_goes_away_gets_no_traceback(small_run):
     process.stdout.close()
     err = process.stderr.read()
     process.stderr.close()
-    assert process.wait(timeout=60) == 1
+    assert process.wait(timeout=300) == 1
     assert "Traceback" not in err
     assert "Exception ignored" not in err
 
@@ -731,7 +731,7 @@ def test_output_that_cannot_be_written_is_told_without_a_traceback(small_run):
 def test_numbers_of_a_run_are_those_of_another_process(lasting, start):
     """Machine code from the cache, or compiled here, gives the same games."""
     process = start("play", lasting[1].path, "--games", "4", "--json", "--quiet")
-    out, _ = process.communicate(timeout=120)
+    out, _ = process.communicate(timeout=300)
     arena, programs = Arena(lasting[1].config), best_programs(lasting[1], 69)
     assert json.loads(out)["digest"] == trace_digest([arena.trace(programs, seed)[1] for seed in play_seeds(1, 4)])
     assert np.isfinite(lasting[1].generations["fitness_mean"]).all()

@@ -339,7 +339,7 @@ def test_ctrl_c_saves_and_says_how_to_go_on(lasting, start, tmp_path):
     process = start(recipe, "--out", tmp_path)
     wait_for_checkpoint(tmp_path / "learning.npz", process)
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=300)
     assert process.returncode == 130
     assert out == ""
     assert "Traceback" not in err
@@ -348,7 +348,7 @@ def test_ctrl_c_saves_and_says_how_to_go_on(lasting, start, tmp_path):
     again = f"coevo learn {recipe} --out {tmp_path} --games 20 --resume"
     assert f"Stopped; {done} of {LONG} trials are saved. Go on with: {again}" in err
     process = start(recipe, "--out", tmp_path, "--resume", "--quiet")
-    _, err = process.communicate(timeout=120)
+    _, err = process.communicate(timeout=300)
     assert (process.returncode, err) == (0, "")
     assert (tmp_path / "skill.npz").read_bytes() == expected
     assert not (tmp_path / "learning.npz").exists()
@@ -368,7 +368,7 @@ def test_a_learning_killed_at_random_moments_goes_on_to_the_same_bytes(lasting, 
         codes.append(process.returncode)
     assert -signal.SIGKILL in codes
     process = start(recipe, "--out", tmp_path, "--resume", "--quiet")
-    _, err = process.communicate(timeout=120)
+    _, err = process.communicate(timeout=300)
     assert (process.returncode, err) == (0, "")
     assert (tmp_path / "skill.npz").read_bytes() == expected
     assert not (tmp_path / "learning.npz").exists()

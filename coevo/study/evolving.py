@@ -137,10 +137,11 @@ class EvolutionRuns:
         run = _begun(settings, folder, folders)
         release = run.lock()
         try:
+            kept = run.checkpoint()
+            if kept is not None and kept.generation > run.finished:
+                raise InputError(f"{folder} has lost generations that its checkpoint tells of; remove this folder")
             with Evaluator(run.config, workers=1, backend="threads", folders=run.folders) as evaluator:
                 evolve(run, evaluator, lambda _: tick())
-                if not run.is_finished:
-                    raise InputError(f"{folder} has lost generations that its checkpoint tells of; remove this folder")
                 of = Finished(run, evaluator)
                 found: dict[str, Cell] = {}
                 for measure in _MEASURES.values():

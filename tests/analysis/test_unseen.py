@@ -59,7 +59,7 @@ def against(evolved):
 def single_games(run, generations):
     """Return each game between the best trees of a generation for each robot: who won, passes of all, steps."""
     game = SoccerGame(run.config)
-    trees = [run.tree(f"r{robot}", generation) for robot, generation in enumerate(generations)]
+    trees = [run.champion_tree(f"r{robot}", generation) for robot, generation in enumerate(generations)]
     played = []
     for seed in game_seeds(SEED, RunStream.UNSEEN, count=GAMES):
         one = game.play(programs_of(game, trees), np.array([seed]))
@@ -111,7 +111,7 @@ def test_games_are_seen_from_the_team_that_evolves(evolved):
     run = evolved("three-learners", standing=2)
     table = unseen_table([run], games=200, seed=SEED)
     game, seeds = SoccerGame(run.config), game_seeds(SEED, RunStream.UNSEEN, count=200)
-    played = [game.play(programs_of(game, [None, None, run.tree("r2", k)]), seeds) for k in (0, 1)]
+    played = [game.play(programs_of(game, [None, None, run.champion_tree("r2", k)]), seeds) for k in (0, 1)]
     assert table["first_robots"].tolist() == ["r2", "r2"]
     assert table["goals"].tolist() == [(one.winner == 1).mean() for one in played]
     assert table["lost"].tolist() == [(one.winner == 0).mean() for one in played]

@@ -47,13 +47,13 @@ def evolved(recipe, go_on, tmp_path_factory):
 @pytest.fixture(scope="module")
 def alone(evolved):
     """Return two runs of one team."""
-    return [evolved("two-learners", f"seed={seed}") for seed in (1, 2)]
+    return [evolved("chapter6/dissertation-two-learners", f"seed={seed}") for seed in (1, 2)]
 
 
 @pytest.fixture(scope="module")
 def against(evolved):
     """Return two runs of two teams."""
-    return [evolved("three-learners", f"seed={seed}", "gp.generations=3") for seed in (1, 2)]
+    return [evolved("chapter6/dissertation-three-learners", f"seed={seed}", "gp.generations=3") for seed in (1, 2)]
 
 
 def single_games(run, generations):
@@ -108,7 +108,7 @@ def test_two_teams_also_meet_each_others_opponents(against):
 
 
 def test_games_are_seen_from_the_team_that_evolves(evolved):
-    run = evolved("three-learners", standing=2)
+    run = evolved("chapter6/dissertation-three-learners", standing=2)
     table = unseen_table([run], games=200, seed=SEED)
     game, seeds = SoccerGame(run.config), game_seeds(SEED, RunStream.UNSEEN, count=200)
     played = [game.play(programs_of(game, [None, None, run.champion_tree("r2", k)]), seeds) for k in (0, 1)]

@@ -286,8 +286,8 @@ def test_a_thread_has_no_ctrl_c_to_put_off():
 PROGRAM = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
-import behaviors.commands.learning as learning
-learning._SAVE_EVERY_S, learning._SAVE_SHARE = 0.0, 1.0
+import behaviors.learned as learned
+learned._SAVE_EVERY_S, learned._SAVE_SHARE = 0.0, 1.0
 from coevo.cli import main
 main()
 """

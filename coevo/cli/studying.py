@@ -99,7 +99,7 @@ def study(
 
 def _prepare(runs: Sequence[PlannedRun], *, quiet: bool) -> None:
     """Compile what is not compiled yet, once for all workers of this machine."""
-    from coevo.study.kinds import kind_named
+    from coevo.study.registry import kind_named
 
     for kind, run in {run.condition.kind: run for run in runs}.items():
         kind_named(kind).warm_up(run.settings, lambda text: note(text, quiet=quiet))
@@ -164,7 +164,7 @@ def _show(
 def _summary(plan: Plan, rows: Mapping[str, Mapping[str, Cell]]) -> str:
     """Return the columns that people look at first, all of them shares, a line a condition."""
     from coevo.statistics import mean_interval
-    from coevo.study.kinds import kind_named
+    from coevo.study.registry import kind_named
 
     ends = tuple(dict.fromkeys(end for one in plan.conditions for end in kind_named(one.kind).headlines))
     columns = list(dict.fromkeys(column for row in rows.values() for column in row if column.endswith(ends)))

@@ -19,8 +19,9 @@ import msgspec
 from coevo.config import check, read_toml, to_toml
 from coevo.errors import InputError
 from coevo.files import lock, write_whole
-from coevo.study.kinds import Cell, kind_named
+from coevo.study.kinds import Cell
 from coevo.study.plan import RECIPES, Plan, PlannedRun, StudySettings
+from coevo.study.registry import kind_named
 from coevo.study.sets import table_bytes
 
 __all__ = ["ROW", "STUDY", "StudyFolder", "check_folder", "open_study", "row_bytes"]

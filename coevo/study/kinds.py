@@ -1,21 +1,14 @@
-"""What a study can run: kinds of recipes, each with what reads, checks and runs one of its recipes.
-
-Evolution is one. Packages beside coevo add theirs as entry points of the group ``coevo.studies``, whose name is the
-kind that a recipe says it is; so coevo knows nothing of learning.
-"""
+"""What a kind of recipes must be able to do for a study: read, check and run one of its recipes."""
 
 from __future__ import annotations
 
-import importlib.metadata
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
 
 from coevo.config import FileSettings
-from coevo.errors import InputError
 
-__all__ = ["Cell", "StudyKind", "kind_named", "kind_names"]
+__all__ = ["Cell", "StudyKind"]
 
 Cell = int | float | str
 """What a table holds."""
@@ -73,30 +66,3 @@ class StudyKind(Protocol):
         Raises:
             InputError: it cannot be done.
         """
-
-
-@cache
-def _added() -> dict[str, importlib.metadata.EntryPoint]:
-    return {point.name: point for point in importlib.metadata.entry_points(group="coevo.studies")}
-
-
-def kind_names() -> list[str]:
-    """Return the kinds of recipes that a study can run, evolution first."""
-    return ["evolution", *sorted(set(_added()) - {"evolution"})]
-
-
-@cache
-def kind_named(name: str) -> StudyKind:
-    """Return a kind by its name.
-
-    Raises:
-        InputError: there is none.
-    """
-    if name == "evolution":
-        from coevo.study.evolving import EvolutionRuns  # noqa: PLC0415 - only who runs studies needs all of it
-
-        return EvolutionRuns()
-    if name not in _added():
-        raise InputError(f"a study runs recipes of the kind {' or '.join(map(repr, kind_names()))}, got {name!r}")
-    kind: StudyKind = _added()[name].load()()
-    return kind

@@ -18,7 +18,8 @@ from coevo.config import FileSettings, assign, check, read_toml
 from coevo.errors import InputError, nearest_name
 from coevo.plugins import search_folders
 from coevo.recipes import is_path, recipe_path
-from coevo.study.kinds import StudyKind, kind_named, kind_names
+from coevo.study.kinds import StudyKind
+from coevo.study.registry import kind_named, kind_names
 
 __all__ = ["RECIPES", "Condition", "Plan", "PlannedRun", "StudySettings", "read_plan", "study_name"]
 

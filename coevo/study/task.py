@@ -14,8 +14,9 @@ from coevo.errors import InputError
 from coevo.files import lock, write_whole
 from coevo.plugins import search_folders
 from coevo.study.folder import ROW, STUDY, StudyFolder, row_bytes
-from coevo.study.kinds import Cell, kind_named
+from coevo.study.kinds import Cell
 from coevo.study.plan import RECIPES, PlannedRun
+from coevo.study.registry import kind_named
 
 __all__ = ["RETRIES", "Done", "LeftError", "Task", "describe_failure", "do", "task_of"]
 

@@ -9,8 +9,8 @@ import pytest
 from coevo.errors import InputError
 from coevo.recipes import recipe_path
 from coevo.study.folder import ROW, check_folder, open_study, row_bytes
-from coevo.study.kinds import kind_named
 from coevo.study.plan import read_plan
+from coevo.study.registry import kind_named
 
 
 @pytest.fixture

@@ -369,5 +369,5 @@ def test_what_only_the_first_start_does_is_the_cost_of_compiling():
         time.sleep(0.2)
         """
     cpu, clock = start_costs(textwrap.dedent(code))
-    assert 0.5 < cpu <= 1.0
+    assert 0.5 < cpu < 1.5
     assert clock >= 0.2

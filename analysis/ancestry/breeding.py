@@ -13,7 +13,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from coevo.errors import InputError
-from coevo.evolution.population import Individual, Origin, breed, codes_of, first_population, parents_of
+from coevo.evolution.population import Individual, Origin, codes_of, first_population, parents_of
+from coevo.evolution.variation import breed
 from coevo.game import start_trees
 from coevo.run import Run
 

@@ -46,12 +46,12 @@ class Ancestry:
         return self.ancestors[self.ancestors["root_line"]]
 
 
-def sources(origin: Origin, nodes: int, nodes_of_parent: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def sources(origin: Origin, nodes: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return from which parent and from which of its nodes each node of a child came.
 
     Args:
         origin: of the child.
-        nodes: of the child. nodes_of_parent: of its first parent.
+        nodes: how many it has.
 
     Returns:
         Number of the parent, 0 or 1, and place in its tree, (nodes,) each; -1 for what is new.
@@ -59,13 +59,8 @@ def sources(origin: Origin, nodes: int, nodes_of_parent: int) -> tuple[NDArray[n
     parent, place = np.zeros(nodes, np.int64), np.arange(nodes)
     if origin.parent_1 < 0:
         return parent - 1, np.full(nodes, -1)
-    if origin.cut is not None:
-        begin, end = origin.cut
-        came = nodes - (nodes_of_parent - (end - begin))
-        place[begin + came :] += end - begin - came
-        new = slice(begin, begin + came)
-        parent[new] = -1 if origin.graft is None else 1
-        place[new] = -1 if origin.graft is None else np.arange(*origin.graft)
+    if origin.sources is not None:
+        parent, place = np.array(origin.sources, np.int64).T
     return parent, place
 
 
@@ -93,10 +88,10 @@ def trace(bred: Sequence[Bred], index: int) -> Trace:
     home, place, parent = np.full((3, len(bred), nodes), -1)
     home[-1], place[-1] = index, np.arange(nodes)
     for generation in range(len(bred) - 1, 0, -1):
-        now, before = bred[generation], bred[generation - 1]
+        now = bred[generation]
         for one in np.unique(home[generation][home[generation] >= 0]):
             origin, mine = now.origins[one], home[generation] == one
-            which, at = sources(origin, len(now.codes[one]), len(before.codes[origin.parent_1]))
+            which, at = sources(origin, len(now.codes[one]))
             parent[generation][mine] = which[place[generation][mine]]
             place[generation - 1][mine] = at[place[generation][mine]]
             home[generation - 1][mine] = np.array([*origin[1:3], -1])[parent[generation][mine]]

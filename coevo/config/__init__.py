@@ -17,6 +17,7 @@ from coevo.config.experiment import (
     GPSettings,
     PlayerSettings,
     RunSettings,
+    VaryingWeights,
     check_experiment,
 )
 from coevo.config.levels import ComplexitySettings, CriterionSettings, LevelsSettings
@@ -73,6 +74,7 @@ __all__ = [
     "Settings",
     "Share",
     "StartSettings",
+    "VaryingWeights",
     "WorldSettings",
     "assign",
     "check",

@@ -27,6 +27,7 @@ __all__ = [
     "GameSettings",
     "PlayerSettings",
     "RunSettings",
+    "VaryingWeights",
     "check_experiment",
 ]
 
@@ -98,6 +99,14 @@ class GPSettings(Settings, frozen=True, kw_only=True):
     crossover_depth_max: Annotated[int, Meta(ge=1, le=90)] = 25  # [T] mutation may exceed it, as Table 6.4 shows
     mutation_depth_max: Annotated[int, Meta(ge=0, le=14)] = 5  # [C] grown subtree
     leaf_probability: Share = 0.1  # [C] of a crossover point, Koza (1992)
+    # any: branches of each parent, wherever they are. same-context: reached by the same answers to the same questions.
+    crossover_points: Literal["any", "same-context"] = "any"
+    # Small changes of each child, how many in the mean: leaves that choose anew, conditions put above a leaf (the other
+    # branch is a new leaf), and conditions in the place of others.
+    changed_leaves: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+    inserted_conditions: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+    changed_conditions: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+    simplify: bool = False  # each child is simplified, before its small changes: what a tree does stays the same
     variation: Literal["genetic", "random"] = "genetic"  # random: all but the elite made anew, as a control
     # Given trees by name of the role: they take the first places of its first population.
     start: dict[str, tuple[str, ...]] = msgspec.field(default_factory=dict)
@@ -116,22 +125,31 @@ class GPSettings(Settings, frozen=True, kw_only=True):
 
 
 class FitnessWeights(Settings, frozen=True, kw_only=True):
-    """The constants of one fitness function, Table 6.2."""
+    """The constants of the fixed fitness, Table 6.2."""
 
     alpha_g: NonNegative = 1.0  # goals missing
-    alpha_l: NonNegative  # lost goals
-    alpha_k: NonNegative  # kicks missing to beta
-    alpha_c: NonNegative  # collisions
-    alpha_s: NonNegative  # steps
+    alpha_l: NonNegative = 0.5  # [T] lost goals
+    alpha_k: NonNegative = 1e-3  # [T] kicks missing to beta
+    alpha_c: NonNegative = 5e-3  # [T] collisions
+    alpha_s: NonNegative = 1e-4  # [T] steps
     beta: NonNegative = 4000.0  # [T] steps of contact that are enough; 200 a game
+
+
+class VaryingWeights(FitnessWeights, frozen=True, kw_only=True):
+    """The constants of the varying fitness, Table 6.2."""
+
+    alpha_l: NonNegative = 1.0  # [T]
+    alpha_k: NonNegative = 1e-2  # [T] at the first generation, less and less then
+    alpha_c: NonNegative = 1e-2  # [T] more and more
+    alpha_s: NonNegative = 1e-2  # [T] more and more
 
 
 class FitnessSettings(Settings, frozen=True, kw_only=True):
     """Which fitness function, and the constants of both; smaller is better."""
 
     kind: str = "fixed"  # fixed, varying, or module:function of one's own
-    fixed: FitnessWeights = FitnessWeights(alpha_l=0.5, alpha_k=1e-3, alpha_c=5e-3, alpha_s=1e-4)  # [T]
-    varying: FitnessWeights = FitnessWeights(alpha_l=1.0, alpha_k=1e-2, alpha_c=1e-2, alpha_s=1e-2)  # [T]
+    fixed: FitnessWeights = FitnessWeights()
+    varying: VaryingWeights = VaryingWeights()
 
     def __post_init__(self) -> None:
         if self.kind not in ("fixed", "varying") and ":" not in self.kind:

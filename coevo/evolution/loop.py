@@ -14,7 +14,8 @@ from coevo.config import EvolutionSettings
 from coevo.evolution.champions import judge_again
 from coevo.evolution.evaluation import Evaluator, Match
 from coevo.evolution.grouping import Groups, groups_of, line_ups
-from coevo.evolution.population import Individual, breed, codes_of, first_population, origins_of, parents_of
+from coevo.evolution.population import Individual, codes_of, first_population, origins_of, parents_of
+from coevo.evolution.variation import breed
 from coevo.fitness import Scorer
 from coevo.game import Played, start_trees
 from coevo.levels import Levels

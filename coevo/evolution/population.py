@@ -1,4 +1,4 @@
-"""A population of trees for one robot: creation and variation by DEAP (Table 6.3)."""
+"""A population of trees for one robot, and how the first is created by DEAP (Table 6.3)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from deap import base, gp, tools
+from deap import base, gp
 from deap.tools import crossover, mutation, selection
 from numpy.typing import NDArray
 
@@ -17,10 +17,12 @@ from coevo.seeds import RunStream, global_random, thread_random
 from coevo.tree import FunctionSet, Tree, from_codes, tree_codes
 
 __all__ = [
+    "NEW",
     "Individual",
     "Origin",
-    "breed",
+    "Source",
     "codes_of",
+    "created",
     "first_population",
     "individual_of",
     "origins_of",
@@ -38,20 +40,23 @@ class _Fitness(base.Fitness):  # type: ignore[misc]  # DEAP carries no types
     weights = (-1.0, -1.0)
 
 
+Source = tuple[int, int]
+NEW: Source = (-1, -1)
+
+
 class Origin(NamedTuple):
     """Where an individual came from.
 
-    operator: one of ``coevo.records.OPERATORS``. Crossover and mutation replace nodes ``cut`` of the first parent: by
-        nodes ``graft`` of the second, or by new ones. The others copy the first parent.
-    parent_1, parent_2: index in the generation before, -1 for none.
-    cut, graft: first node and the one after the last, in prefix order of the parent.
+    operator: one of ``coevo.records.OPERATORS``.
+    parent_1, parent_2: index in the generation before, -1 for none. The first gave the root.
+    sources: for each node, in prefix order, the parent that it came from, 0 for the first and 1 for the second, and its
+        place in that; (-1, -1) if it is new. None if all are those of the first parent, or all new where there is none.
     """
 
     operator: str
     parent_1: int = -1
     parent_2: int = -1
-    cut: tuple[int, int] | None = None
-    graft: tuple[int, int] | None = None
+    sources: tuple[Source, ...] | None = None
 
 
 _CREATED = Origin("creation")
@@ -121,12 +126,13 @@ def first_population(
             are.
     """
     with global_random(seed, RunStream.CREATION, robot):
-        drawn = [_created(settings, functions) for _ in range(settings.population)]
+        drawn = [created(settings, functions) for _ in range(settings.population)]
     given = [individual_of(tree_codes(tree, functions), functions) for tree in start]
     return [*given, *drawn[len(given) :]]
 
 
-def _created(settings: GPSettings, functions: FunctionSet) -> Individual:
+def created(settings: GPSettings, functions: FunctionSet) -> Individual:
+    """Return a new individual, drawn from this thread's stream."""
     low, high = settings.creation_depth_min, settings.creation_depth_max
     return Individual(gp.genHalfAndHalf(functions.primitives, low, high))
 
@@ -152,68 +158,3 @@ def random_teams(game: Game, settings: GPSettings, *, seed: int, teams: int) -> 
         [None if r not in first else from_codes(codes_of(first[r][i], functions[r]), functions[r]) for r in roles]
         for i in range(size)
     ]
-
-
-def breed(
-    parents: Sequence[Individual],
-    settings: GPSettings,
-    functions: FunctionSet,
-    *,
-    seed: int,
-    generation: int,
-    robot: int,
-) -> list[Individual]:
-    """Return the population of the next generation.
-
-    The best survive as they are; the rest comes from parents chosen by tournament, by crossover (a child deeper
-    than the limit is replaced by its parent), reproduction or mutation (a grown subtree). With ``variation = "random"``
-    the rest is created as the first population was.
-
-    Args:
-        parents: the population with its fitness assigned: (fitness, depth).
-        settings: Table 6.3.
-        functions: the robot's function set.
-        seed, generation, robot: identify the random stream; ``generation`` is that of the parents.
-
-    Returns:
-        The children, each with its ``origin``. A child that the limit replaced is a reproduction of the parent that
-        replaced it, and so is one of a crossover that found no point to exchange at.
-    """
-    place = {id(parent): index for index, parent in enumerate(parents)}
-
-    def copy(parent: Individual, operator: str) -> Individual:
-        return Individual(parent, Origin(operator, place[id(parent)]))
-
-    with global_random(seed, RunStream.VARIATION, generation, robot):
-        limit = gp.staticLimit(key=lambda tree: tree.height, max_value=settings.crossover_depth_max)
-
-        @limit
-        def cross(one: Individual, two: Individual) -> tuple[Individual, Individual]:
-            return gp.cxOnePointLeafBiased(one, two, termpb=settings.leaf_probability)  # type: ignore[no-any-return]
-
-        def subtree(pset: gp.PrimitiveSet, type_: object) -> list[gp.Primitive | gp.Terminal]:
-            return gp.genGrow(pset, 0, settings.mutation_depth_max, type_)  # type: ignore[no-any-return]
-
-        def select() -> Individual:
-            return copy(tools.selTournament(parents, 1, settings.tournament)[0], "reproduction")
-
-        children = [copy(parent, "elite") for parent in tools.selBest(parents, settings.elite)]
-        if settings.variation == "random":
-            return [*children, *(_created(settings, functions) for _ in range(settings.population - len(children)))]
-        while len(children) < settings.population:
-            chance = thread_random.random()
-            if chance < settings.crossover:
-                one, two = select(), select()
-                pair = cross(one, two)
-                if one.replaced is not None:  # where the limit replaces a child, the pair holds a copy of before
-                    first, second = one.origin.parent_1, two.origin.parent_1
-                    one.origin = Origin("crossover", first, second, one.replaced, two.replaced)
-                    two.origin = Origin("crossover", second, first, two.replaced, one.replaced)
-                children += [Individual(child, child.origin) for child in pair]
-            elif chance < settings.crossover + settings.mutation:
-                (mutant,) = gp.mutUniform(select(), subtree, functions.primitives)
-                mutant.origin = Origin("mutation", mutant.origin.parent_1, cut=mutant.replaced)
-                children.append(mutant)
-            else:
-                children.append(select())
-        return children[: settings.population]

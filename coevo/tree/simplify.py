@@ -8,7 +8,7 @@ from coevo.tree.functions import FunctionSet, Situations
 from coevo.tree.text import Tree
 from coevo.vocabulary import CATEGORIES, PREFIX, is_standard
 
-__all__ = ["condition_groups", "object_situations", "simplify"]
+__all__ = ["condition_groups", "kept_nodes", "object_situations", "simplify"]
 
 
 def object_situations(thing: str) -> Situations:
@@ -34,8 +34,13 @@ def simplify(tree: Tree, functions: FunctionSet | None = None) -> Tree:
         >>> print(simplify(parse("IF_ball_is_lost(IF_ball_is_left(shoot, search), avoid)")))
         IF_ball_is_lost(search, avoid)
     """
+    return Tree(tuple(tree.names[node] for node in kept_nodes(tree, functions)))
+
+
+def kept_nodes(tree: Tree, functions: FunctionSet | None = None) -> list[int]:
+    """Return which nodes of a tree ``simplify`` leaves, in prefix order: they are the simplified tree."""
     groups, number = condition_groups(tree.names, functions)
-    return Tree(tuple(_simplify(tree, number, groups)))
+    return _kept(tree, number, groups)
 
 
 def condition_groups(
@@ -59,24 +64,25 @@ def condition_groups(
     return groups + tuple((frozenset({name}), frozenset[str]()) for name in alone), number
 
 
-def _simplify(tree: Tree, number: Mapping[str, int], groups: Sequence[Situations]) -> list[str]:
-    """Return the names of the simplified tree.
+def _kept(tree: Tree, number: Mapping[str, int], groups: Sequence[Situations]) -> list[int]:
+    """Return the nodes of the simplified tree.
 
     Trees may be deeper than Python's stack, so branches wait on a stack of this function: to be looked at with what
-    each group of conditions can still be, or, as the name of a question, for their two halves to be done.
+    each group of conditions can still be, or, as the node of a question, for their two halves to be done.
     """
-    waiting: list[tuple[int, Mapping[int, Situations]] | str] = [(0, {})]
-    done: list[list[str]] = []
+    waiting: list[tuple[int, Mapping[int, Situations]] | int] = [(0, {})]
+    done: list[list[int]] = []
     while waiting:
         item = waiting.pop()
-        if isinstance(item, str):
+        if isinstance(item, int):
             right, left = done.pop(), done.pop()
-            done.append(left if left == right else [item, *left, *right])
+            same = [tree.names[node] for node in left] == [tree.names[node] for node in right]
+            done.append(left if same else [item, *left, *right])
             continue
         at, known = item
         name = tree.names[at]
         if not tree.second[at]:
-            done.append([name])
+            done.append([at])
             continue
         group = number[name]
         possible = known.get(group, groups[group])
@@ -88,5 +94,5 @@ def _simplify(tree: Tree, number: Mapping[str, int], groups: Sequence[Situations
         elif not yes:
             waiting.append((second, known))
         else:
-            waiting += [name, (second, {**known, group: no}), (first, {**known, group: yes})]
+            waiting += [at, (second, {**known, group: no}), (first, {**known, group: yes})]
     return done[0]

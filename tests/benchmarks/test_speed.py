@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from coevo.config import RunSettings
-from coevo.evolution.population import breed, codes_of, first_population
+from coevo.evolution.population import codes_of, first_population
+from coevo.evolution.variation import breed
 from coevo.game import Arena, function_set
 from coevo.recipes import read_settings
 from coevo.seeds import game_seeds

@@ -15,7 +15,8 @@ import pytest
 
 from coevo.errors import InputError
 from coevo.evolution.evaluation import Evaluator, Match, check_backend, group_seeds
-from coevo.evolution.population import breed, codes_of, first_population, individual_of
+from coevo.evolution.population import codes_of, first_population, individual_of
+from coevo.evolution.variation import breed
 from coevo.fitness import fixed, varying
 from coevo.game import Arena, SoccerGame, function_set
 from coevo.run import create_run

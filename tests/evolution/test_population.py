@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from coevo.config import GPSettings
-from coevo.evolution.population import Individual, breed, codes_of, first_population, individual_of, origins_of
+from coevo.evolution.population import NEW, Individual, codes_of, first_population, individual_of, origins_of
+from coevo.evolution.variation import breed
 from coevo.game import function_set
 from coevo.records import OPERATORS
 from coevo.seeds import thread_random
@@ -319,19 +320,25 @@ def test_origins_say_from_which_node_of_which_parent_each_node_came(tree, seed, 
     parents, places = nodes_of_their_own(tree)
     shares = {"crossover": 0.5, "reproduction": 0.1, "mutation": 0.4}
     settings = GPSettings(population=12, elite=1, tournament=2, crossover_depth_max=limit, **shares)
-    for child in bred(parents, settings, seed=seed):
-        origin = child.origin
-        expected = [(origin.parent_1, node) for node in range(len(parents[origin.parent_1]))]
-        if origin.operator == "crossover":
-            begin, end = origin.cut
-            expected[begin:end] = [(origin.parent_2, node) for node in range(*origin.graft)]
-        elif origin.operator == "mutation":
-            begin, end = origin.cut
-            expected[begin:end] = [None] * (len(child) - len(expected) + end - begin)
-            assert (origin.parent_2, origin.graft) == (-1, None)
-        else:
-            assert (origin.parent_2, origin.cut, origin.graft) == (-1, None, None)
+    assert_origins_are_true(bred(parents, settings, seed=seed), places)
+
+
+def assert_origins_are_true(children, places):
+    """Check what origins say of nodes by the nodes themselves, which are objects of their own in each parent."""
+    for child in children:
+        operator, first, second, sources = child.origin
+        parents = {0: first, 1: second}
+        told = sources or [(0, node) for node in range(len(child))]
+        expected = [None if source == NEW else (parents[source[0]], source[1]) for source in told]
         assert [places.get(id(node)) for node in child] == expected
+        came = {parent for parent, _ in told}
+        if operator == "crossover":
+            assert {0, 1} <= came
+        else:
+            assert second == -1
+            assert came <= ({0, -1} if operator == "mutation" else {0})
+        if operator == "mutation":
+            assert -1 in came
 
 
 def test_a_child_that_the_limit_replaced_is_a_reproduction():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.ancestry.breeding import Bred
-from coevo.evolution.population import Origin
+from coevo.evolution.population import NEW, Origin
+from coevo.evolution.variation import exchanged
 from coevo.run import create_run
 from coevo.tree import FunctionSet, parse, tree_codes
 
@@ -42,18 +43,22 @@ def known():
             ("y", created, 7.0),  # nobody's ancestor
         ),
         _bred(
-            ("IF_a(IF_a(y, y), y)", Origin("crossover", 0, 1, (1, 2), (1, 4)), 6.0),
-            ("IF_b(IF_a(y, y), IF_b(x, y))", Origin("mutation", 1, -1, (4, 5)), 5.0),
+            ("IF_a(IF_a(y, y), y)", Origin("crossover", 0, 1, exchanged(3, (1, 2), [(1, 1), (1, 2), (1, 3)])), 6.0),
+            ("IF_b(IF_a(y, y), IF_b(x, y))", Origin("mutation", 1, -1, exchanged(5, (4, 5), [NEW] * 3)), 5.0),
             ("IF_b(IF_a(y, y), x)", Origin("elite", 1), 8.0),
         ),
         _bred(
-            ("IF_a(IF_a(y, y), x)", Origin("mutation", 0, -1, (4, 5)), 4.0),
-            ("IF_b(x, IF_b(x, y))", Origin("mutation", 1, -1, (1, 4)), 3.0),
+            ("IF_a(IF_a(y, y), x)", Origin("mutation", 0, -1, exchanged(5, (4, 5), [NEW])), 4.0),
+            ("IF_b(x, IF_b(x, y))", Origin("mutation", 1, -1, exchanged(7, (1, 4), [NEW])), 3.0),
             ("IF_b(IF_a(y, y), x)", Origin("reproduction", 2), 8.0),
         ),
         _bred(
-            ("IF_a(IF_a(y, y), IF_b(x, y))", Origin("crossover", 0, 1, (4, 5), (2, 5)), 2.0),
-            ("IF_b(x, x)", Origin("crossover", 1, 0, (2, 5), (4, 5)), 1.0),
+            (
+                "IF_a(IF_a(y, y), IF_b(x, y))",
+                Origin("crossover", 0, 1, exchanged(5, (4, 5), [(1, 2), (1, 3), (1, 4)])),
+                2.0,
+            ),
+            ("IF_b(x, x)", Origin("crossover", 1, 0, exchanged(5, (2, 5), [(1, 4)])), 1.0),
         ),
     ]
 

@@ -13,29 +13,36 @@ from analysis.ancestry import ancestors
 from analysis.ancestry.breeding import breed_again
 from analysis.ancestry.inheritance import ancestry_of, sources, trace
 from coevo.errors import InputError
-from coevo.evolution.population import Individual, Origin, breed, codes_of, first_population
+from coevo.evolution.population import NEW, Individual, Origin, codes_of, first_population
+from coevo.evolution.variation import breed, exchanged
 from coevo.usage import tree_usage
 
 _ = -1
 
 
+OWN = [(1, 1), (1, 2), (1, 3)]
+
+
 @pytest.mark.parametrize(
-    ("origin", "nodes", "nodes_of_parent", "parent", "place"),
+    ("origin", "nodes", "parent", "place"),
     [
-        pytest.param(Origin("creation"), 3, 0, [_, _, _], [_, _, _], id="created"),
-        pytest.param(Origin("elite", 4), 3, 3, [0, 0, 0], [0, 1, 2], id="copied"),
-        pytest.param(Origin("mutation", 4, -1, (1, 2)), 5, 3, [0, _, _, _, 0], [0, _, _, _, 2], id="leaf to branch"),
-        pytest.param(Origin("mutation", 4, -1, (1, 4)), 3, 5, [0, _, 0], [0, _, 4], id="branch to leaf"),
-        pytest.param(Origin("mutation", 4, -1, (0, 3)), 1, 3, [_], [_], id="all of it"),
-        pytest.param(Origin("crossover", 4, 7, (1, 4), (2, 3)), 3, 5, [0, 1, 0], [0, 2, 4], id="a leaf came"),
+        pytest.param(Origin("creation"), 3, [_, _, _], [_, _, _], id="created"),
+        pytest.param(Origin("elite", 4), 3, [0, 0, 0], [0, 1, 2], id="copied"),
         pytest.param(
-            Origin("crossover", 4, 4, (2, 3), (1, 4)), 5, 3, [0, 0, 1, 1, 1], [0, 1, 1, 2, 3], id="own branch"
+            Origin("mutation", 4, _, exchanged(3, (1, 2), [NEW] * 3)), 5, [0, _, _, _, 0], [0, _, _, _, 2], id="grown"
+        ),
+        pytest.param(Origin("mutation", 4, _, exchanged(5, (1, 4), [NEW])), 3, [0, _, 0], [0, _, 4], id="shrunk"),
+        pytest.param(Origin("mutation", 4, _, exchanged(3, (0, 3), [NEW])), 1, [_], [_], id="all of it"),
+        pytest.param(
+            Origin("crossover", 4, 7, exchanged(5, (1, 4), [(1, 2)])), 3, [0, 1, 0], [0, 2, 4], id="a leaf came"
+        ),
+        pytest.param(
+            Origin("crossover", 4, 4, exchanged(3, (2, 3), OWN)), 5, [0, 0, 1, 1, 1], [0, 1, 1, 2, 3], id="own branch"
         ),
     ],
 )
-def test_sources_of_the_nodes_of_a_child(origin, nodes, nodes_of_parent, parent, place):
-    found = sources(origin, nodes, nodes_of_parent)
-    assert [array.tolist() for array in found] == [parent, place]
+def test_sources_of_the_nodes_of_a_child(origin, nodes, parent, place):
+    assert [array.tolist() for array in sources(origin, nodes)] == [parent, place]
 
 
 def test_the_nodes_of_a_known_tree_are_followed_to_their_origins(known):

@@ -160,12 +160,12 @@ def test_an_inserted_condition_leaves_all_else_as_it_was(tree, seed):
 @pytest.mark.parametrize("change", CHANGES)
 def test_there_are_as_many_small_changes_as_a_poisson_distribution_says(change, rate):
     """In a tree so large that hardly a node is changed twice. A change into the same is none: so they are thinned."""
-    depth = 11
+    depth = 8
     text = "shoot"
     for _ in range(depth):
         text = f"IF_ball_is_left({text}, {text})"
     parents, _ = parents_of([parse(text)])
-    many = children_of(parents, settings_of(**{change: rate}, population=600))
+    many = children_of(parents, settings_of(**{change: rate}, population=300))
     counted = [sum(source == NEW for source in child.origin.sources or ()) for child in many]
     kinds = {"changed_leaves": len(SKILLS), "changed_conditions": len(functions.functions)}
     if change == "inserted_conditions":
@@ -176,7 +176,7 @@ def test_there_are_as_many_small_changes_as_a_poisson_distribution_says(change, 
     top = int(stats.poisson.ppf(0.98, rate))
     observed = np.bincount(np.minimum(counted, top), minlength=top + 1)
     expected = stats.poisson.pmf(np.arange(top), rate)
-    expected = 600 * np.append(expected, 1.0 - expected.sum())
+    expected = 300 * np.append(expected, 1.0 - expected.sum())
     assert stats.chisquare(observed, expected).pvalue > UNLIKELY
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
@@ -22,7 +23,8 @@ from coevo.plugins import own_file
 from coevo.recipes import recipe_names, recipe_path
 from coevo.records import CHOSE
 from coevo.run import Run, create_run, open_run
-from coevo.study.kinds import Cell
+from coevo.settlement import PATTERNS, can_settle, settle, settled_name, settlement_columns
+from coevo.study.kinds import Cell, Headlines
 
 __all__ = ["EvolutionRuns", "Finished"]
 
@@ -85,18 +87,32 @@ def _use(of: Finished) -> dict[str, Cell]:
     return found
 
 
+def _settled(of: Finished) -> dict[str, Cell]:
+    if not can_settle(of.run.game):
+        return {}
+    settled = settle(of.run, of.evaluator, games=unseen_games(of.run.config))
+    took_over: dict[str, Cell] = {"took_over": int(settled.take_over is not None)} if settled.others else {}
+    told = {name: value for name, value in settlement_columns(settled).items() if math.isfinite(value)}
+    return {**told, **took_over}
+
+
 # What is measured of a finished run: a further measure is a line here, and finished runs are then measured again.
 _MEASURES: dict[str, Callable[[Finished], dict[str, Cell]]] = {
     "robots": _robots,  # best fitness; what the champion of each robot was judged again at, its depth and nodes
     "unseen": _unseen,  # of each team that evolves, share of unseen games won by its last, first, and single skills
     "use": _use,  # of each such team, share of the decisions for each skill, mean over its champions
+    "settled": _settled,  # share of games between the last champions by pattern, and since when another side is ahead
 }
 
 
 class EvolutionRuns:
     """Runs of evolution; see ``coevo.study.kinds.StudyKind``."""
 
-    headlines = ("_last", "_first", "_single_skills")
+    headlines = (
+        Headlines(("_last", "_first", "_single_skills")),
+        Headlines((*(settled_name(name) for name in PATTERNS), "settled_ratio", "took_over")),
+        Headlines(("take_over",), shares=False),
+    )
 
     @property
     def measured(self) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from coevo.contest import Judged, judge, unseen_games
 from coevo.errors import InputError
 from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
+from coevo.evolution.opponents import check_opponents, with_opponents
 from coevo.fitness import Scorer
 from coevo.game import check_playable, own_references, prepare
 from coevo.levels import check_levels
@@ -124,13 +125,15 @@ class EvolutionRuns:
         return {name: recipe_path(name, "evolution") for name in recipe_names("evolution")}
 
     def settings(self, data: Mapping[str, Any], source: str) -> EvolutionSettings:
-        """Make the settings of a run; see ``coevo.config.check_experiment``."""
-        return check_experiment(data, source)
+        """Make the settings of a run, with the opponents that do not evolve; see ``coevo.config.check_experiment``."""
+        return with_opponents(check_experiment(data, source))
 
     def check(self, settings: FileSettings, folders: Sequence[Path]) -> list[Path]:
         """Make game and fitness once; return the modules of one's own that lie beside the recipe."""
         assert isinstance(settings, EvolutionSettings)
-        Scorer(settings, check_playable(settings, folders).counts, folders)
+        game = check_playable(settings, folders)
+        Scorer(settings, game.counts, folders)
+        check_opponents(settings, game)
         check_levels(settings, folders)
         found = (own_file(reference, folders) for reference in own_references(settings))
         return [path for path in found if path is not None]

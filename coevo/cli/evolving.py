@@ -68,6 +68,7 @@ def evolve(
     from coevo.evolution.opponents import check_opponents, with_opponents
     from coevo.fitness import Scorer
     from coevo.game import StartsDoNotFitError, check_playable
+    from coevo.hand_typed import hand_typed_teams
     from coevo.levels import check_levels
     from coevo.plugins import search_folders
     from coevo.run import create_run
@@ -79,6 +80,7 @@ def evolve(
     Scorer(settings, game.counts, folders)
     check_levels(settings, folders)
     check_opponents(settings, game)
+    hand_typed_teams(settings, game)
     run = create_run(out if out is not None else _default_folder(settings), settings, folders)
     note(f"Run folder: {run.path}", quiet=quiet)
     try:

@@ -187,6 +187,8 @@ class EvolutionSettings(FileSettings, frozen=True, kw_only=True):
     gp: GPSettings = GPSettings()
     fitness: FitnessSettings = FitnessSettings()
     evaluation: EvaluationSettings = EvaluationSettings()
+    # Teams that 'coevo baselines' puts beside the champions: each a name, and the trees of one team's robots by theirs.
+    hand_typed: tuple[dict[str, str], ...] = ()
     levels: LevelsSettings | None = None  # an environment that co-evolves (6.5); without, it stays as it is
 
 

@@ -19,6 +19,7 @@ from coevo.evolution.evaluation import Evaluator
 from coevo.evolution.opponents import check_opponents, with_opponents
 from coevo.fitness import Scorer
 from coevo.game import check_playable, own_references, prepare
+from coevo.hand_typed import hand_typed_teams
 from coevo.levels import check_levels
 from coevo.plugins import own_file
 from coevo.recipes import recipe_names, recipe_path
@@ -134,6 +135,7 @@ class EvolutionRuns:
         game = check_playable(settings, folders)
         Scorer(settings, game.counts, folders)
         check_opponents(settings, game)
+        hand_typed_teams(settings, game)
         check_levels(settings, folders)
         found = (own_file(reference, folders) for reference in own_references(settings))
         return [path for path in found if path is not None]

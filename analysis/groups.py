@@ -15,6 +15,7 @@ from coevo.run import Run, open_run
 
 __all__ = ["group_names", "open_runs", "run_names"]
 
+_MOST_LETTERS = 40  # of a value in a name
 _MOST_SETTINGS = 3  # that a group's name tells
 
 
@@ -85,7 +86,8 @@ def _differences(flat: Mapping[str, Any], alike: Sequence[Mapping[str, Any]]) ->
 
 
 def _text(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
+    text = str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= _MOST_LETTERS else f"{text[: _MOST_LETTERS - 3]}..."  # a tree, as a rule
 
 
 def _flat(settings: EvolutionSettings) -> dict[str, Any]:

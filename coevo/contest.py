@@ -13,13 +13,23 @@ from numpy.typing import NDArray
 
 from coevo.config import EvolutionSettings
 from coevo.evolution.evaluation import Evaluator, Match
-from coevo.game import Game, teams_of
+from coevo.game import Game, Played, teams_of
 from coevo.run import Run
 from coevo.seeds import RunStream, game_seeds, generator
 from coevo.statistics import paired_difference, share_interval
 from coevo.tree import Program, compile_program, tree_codes
 
-__all__ = ["Judged", "LineUp", "champions", "evolving_teams", "judge", "line_up", "single_skills", "unseen_games"]
+__all__ = [
+    "Judged",
+    "LineUp",
+    "champions",
+    "evolving_teams",
+    "judge",
+    "line_up",
+    "play_lots",
+    "single_skills",
+    "unseen_games",
+]
 
 LineUp = Mapping[int, Program]
 """The programs of some roles, by the role's number."""
@@ -117,12 +127,18 @@ def _lots(seeds: NDArray[np.uint64]) -> list[NDArray[np.uint64]]:
     return [seeds[first : first + _LOT] for first in range(0, len(seeds), _LOT)]
 
 
+def play_lots(
+    evaluator: Evaluator, teams: Sequence[Sequence[Program | None]], seeds: NDArray[np.uint64]
+) -> Iterator[Played]:
+    """Let each team play the same games, (games,) seeds; yield what happened, lot by lot, in their order."""
+    return evaluator.play(Match(programs, lot) for programs in teams for lot in _lots(seeds))
+
+
 def _winners(
     evaluator: Evaluator, teams: Sequence[Sequence[Program | None]], seeds: NDArray[np.uint64]
 ) -> NDArray[np.int64]:
     """Return (teams, games) who won; every team plays the same games."""
-    matches = [Match(programs, lot) for programs in teams for lot in _lots(seeds)]
-    played = [outcome.winner for outcome in evaluator.play(matches)]
+    played = [outcome.winner for outcome in play_lots(evaluator, teams, seeds)]
     return np.concatenate(played).reshape(len(teams), len(seeds))
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from coevo.errors import InputError
 from coevo.evolution.grouping import Groups, groups_of, line_ups
+from coevo.evolution.opponents import frozen_codes
 from coevo.game import programs_of
 from coevo.run import Run
 from coevo.seeds import RunStream, game_seeds
@@ -203,9 +204,10 @@ def _line_ups(run: Run, generation: int, groups: Groups, numbers: Sequence[int])
         return np.asarray(run.record(earlier, run.evolving[role])["tree"].iloc[0], np.uint8)
 
     game, codes = run.game, {record.role: record.codes for record in run.records(generation)}
+    frozen = frozen_codes(run.config, game)
     return [
         [None if one is None else from_codes(one, game.function_set(role)) for role, one in enumerate(team)]
-        for team in line_ups(groups, codes, best_of, numbers)
+        for team in line_ups(groups, codes, best_of, frozen, numbers)
     ]
 
 

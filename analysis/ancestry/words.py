@@ -107,14 +107,23 @@ def _last_change(found: dict[str, Any]) -> str:
     )
 
 
-def sentences(found: dict[str, Any], rank: int = 0) -> list[str]:
+def _called(found: dict[str, Any], rank: int, again: tuple[float, int] | None) -> str:
+    """Say whose ancestry it is."""
+    place = f"{'best' if rank == 0 else f'rank {rank}'} of generation {found['generation']}"
+    if again is None:
+        return f"{found['robot']}'s {place}"
+    return f"{found['robot']}'s champion ({place}, chosen once more by {again[1]} games)"
+
+
+def sentences(found: dict[str, Any], rank: int = 0, again: tuple[float, int] | None = None) -> list[str]:
     """Say what ``summary`` found.
 
     Args:
         found: what it returned.
         rank: of the individual in its generation; 0 is the best.
+        again: of a champion that was chosen once more its fitness in these games, and their number.
     """
-    who = f"{found['robot']}'s {'best' if rank == 0 else f'rank {rank}'} of generation {found['generation']}"
+    who = _called(found, rank, again)
     told = [f"{who} has {_number(found['nodes'], 'node')}: {_by_origin(found['origins'], 'nodes')}."]
     if found["in_use"]:
         uses = _by_origin(found["origins"], "in_use")

@@ -23,7 +23,7 @@ docs/how-to/baselines.md has an example.
 """
 
 from analysis.baselines.compare import over_runs, table
-from analysis.baselines.hand_typed import HandTyped, read_hand_typed, shipped_hand_typed
+from analysis.baselines.hand_typed import HandTyped, hand_typed_of, read_hand_typed, shipped_hand_typed
 from analysis.baselines.rounds import Round, best_answers, last_met, moves, single_skill_teams
 from analysis.baselines.search import (
     Answer,
@@ -52,6 +52,7 @@ __all__ = [
     "best_single_skills",
     "distinct",
     "gain",
+    "hand_typed_of",
     "in_text",
     "last_met",
     "measure",

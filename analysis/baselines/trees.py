@@ -7,7 +7,7 @@ from collections.abc import Hashable, Iterable, Iterator, Sequence
 
 from coevo.seeds import RunStream, generator
 from coevo.tree import FunctionSet, Situations, Tree
-from coevo.tree.simplify import condition_groups
+from coevo.tree.situations import condition_groups
 
 __all__ = ["behaviour", "distinct", "neighbours", "small_trees"]
 

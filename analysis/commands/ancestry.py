@@ -19,7 +19,7 @@ __all__ = ["ancestry"]
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--robot", default=None, help="Which robot; by default the first that evolves.")
 @click.option("--generation", type=click.IntRange(min=0), help="By default the last that is finished.")
-@click.option("--rank", type=click.IntRange(min=0), default=0, show_default=True, help="0 is the best.")
+@click.option("--rank", type=click.IntRange(min=0), help="0 is the best.  [default: the champion]")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -27,9 +27,18 @@ __all__ = ["ancestry"]
 )
 @output_options
 def ancestry(
-    *, folder: Path, robot: str | None, generation: int | None, rank: int, out: Path | None, as_json: bool, quiet: bool
+    *,
+    folder: Path,
+    robot: str | None,
+    generation: int | None,
+    rank: int | None,
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Show where a tree of a run came from: its ancestors, and when each of its nodes came into being.
+
+    By default that of the champion: the best of the last generation, or the one that was chosen once more.
 
     \b
     Example: coevo ancestry runs/smoke-seed0 --robot r1
@@ -37,25 +46,18 @@ def ancestry(
     """
     from analysis.ancestry import ancestors, sentences, summary
     from analysis.charts import altair, check_out
-    from coevo.errors import InputError
     from coevo.game import prepare
     from coevo.run import open_run
-    from coevo.usage import tree_usage
+    from coevo.usage import used_tree
 
     if out is not None:
         check_out(out)
         if out.suffix.lower() != ".csv":
             altair()
     run = open_run(folder)
-    robot = robot or next(iter(run.evolving.values()))
-    generation = max(run.finished - 1, 0) if generation is None else generation
-    ranked = run.record(generation, robot)
-    if rank >= len(ranked):
-        raise InputError(f"rank must be from 0 to {len(ranked) - 1}, got {rank}")
-    row = ranked.iloc[rank]
     prepare(run.config, lambda text: note(text, quiet=quiet))
-    usage = tree_usage(run, generation, robot, int(row["index"]))
-    found = ancestors(run, robot, generation, int(row["index"]), node_steps=usage.node_steps)
+    used = used_tree(run, robot, generation, rank)
+    found = ancestors(run, used.robot, used.generation, used.index, node_steps=used.usage.node_steps)
     if out is not None:
         _write(out, found)
     told = summary(found)
@@ -65,8 +67,9 @@ def ancestry(
     ]
     shown = table(["its nodes came from", "nodes", "in use", "share of use"], rows)
     written = "" if out is None else f"\n\nWritten: {out}"
-    text = "\n".join([*sentences(told, rank), "", shown]) + written
-    show({"run": str(run.path), "rank": rank, **told}, text, as_json=as_json)
+    text = "\n".join([*sentences(told, used.rank, used.again), "", shown]) + written
+    again = None if used.again is None else used.again[0]
+    show({"run": str(run.path), "rank": used.rank, "fitness_again": again, **told}, text, as_json=as_json)
 
 
 def _write(out: Path, found: Ancestry) -> None:

@@ -43,7 +43,7 @@ __all__ = ["baselines"]
     "--hand",
     type=click.Path(path_type=Path),
     metavar="FILE.toml",
-    help="Hand-typed teams of your own, instead of those that are shipped.",
+    help="Hand-typed teams of your own, instead of those that are shipped and those of the recipe.",
 )
 @click.option(
     "--random",
@@ -82,7 +82,7 @@ def baselines(
     import pandas as pd
 
     from analysis.baselines.compare import check_comparable, equal_games, over_runs, table
-    from analysis.baselines.hand_typed import read_hand_typed, shipped_hand_typed
+    from analysis.baselines.hand_typed import hand_typed_of, read_hand_typed
     from analysis.charts import check_out, save
     from analysis.groups import open_runs
     from coevo.evolution.evaluation import Evaluator, check_backend
@@ -93,7 +93,7 @@ def baselines(
         check_out(out, (".csv",))
     runs = open_runs(folders)
     drawn = _paired(runs, randoms)
-    typed = [shipped_hand_typed(run.game) if hand is None else read_hand_typed(run.game, hand) for run in runs]
+    typed = [hand_typed_of(run) if hand is None else read_hand_typed(run.game, hand) for run in runs]
     for run, other in zip(runs, drawn, strict=True):
         check_comparable(run, team, other)
         if other is not None and not equal_games(run, other):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from analysis.settlements import Settled
+    from coevo.settlement import Settled
 
 __all__ = ["settlements"]
 
@@ -51,9 +51,10 @@ def settlements(
 
     from analysis.charts import check_out, save
     from analysis.groups import group_names, open_runs, run_names
-    from analysis.settlements import check_settled, over_runs, settle, settlement_columns
+    from analysis.settlements import over_runs
     from coevo.evolution.evaluation import Evaluator, check_backend
     from coevo.game import prepare
+    from coevo.settlement import check_settled, settle, settlement_columns
 
     check_backend(backend)
     if out is not None:

@@ -214,7 +214,7 @@ def _ancestry(findings: Findings) -> Section:
             parts.append(Text(found))
             continue
         parts.append(Heading(found.robot))
-        parts += [Text(text) for text in sentences(summary(found), tree.rank)]
+        parts += [Text(text) for text in sentences(summary(found), tree.rank, tree.again)]
         parts += [
             figure(
                 f"Ancestors of the champion of {found.robot}",

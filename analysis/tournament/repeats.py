@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from analysis.tournament.play import kept_name
 from coevo.evolution.evaluation import Evaluator, Match
 from coevo.evolution.grouping import groups_again, line_ups
+from coevo.evolution.opponents import frozen_codes
 from coevo.fitness import Scorer
 from coevo.records import GenerationRecord
 from coevo.run import Run
@@ -103,12 +104,13 @@ def _matches(
     def best_of(other: int, earlier: int) -> NDArray[np.uint8]:
         return np.asarray(run.record(earlier, run.evolving[other])["tree"].iloc[0], np.uint8)
 
+    frozen = frozen_codes(config, run.game)
     lots = np.split(seeds, len(groups))
     return [
         Match(
             [None if one is None else compile_program(one, run.game.function_set(k)) for k, one in enumerate(team)], lot
         )
-        for team, lot in zip(line_ups(groups, codes, best_of), lots, strict=True)
+        for team, lot in zip(line_ups(groups, codes, best_of, frozen), lots, strict=True)
     ]
 
 

@@ -21,7 +21,7 @@ from coevo.config import FileSettings, check
 from coevo.errors import InputError
 from coevo.seeds import StartsSeed
 from coevo.skill import load_skill
-from coevo.study.kinds import Cell
+from coevo.study.kinds import Cell, Headlines
 
 __all__ = ["SkillRuns"]
 
@@ -29,7 +29,7 @@ __all__ = ["SkillRuns"]
 class SkillRuns:
     """Learnings of skills; see ``coevo.study.kinds.StudyKind``."""
 
-    headlines = ("success_rate_in_view", "success_rate_anywhere")
+    headlines = (Headlines(("success_rate_in_view", "success_rate_anywhere")),)
     measured = ("card",)
 
     def recipes(self) -> Mapping[str, Path]:

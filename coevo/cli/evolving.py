@@ -65,17 +65,22 @@ def evolve(
     changes += [] if generations is None else [f"gp.generations={generations}"]
     settings = read_experiment(recipe, changes)
     from coevo.evolution.evaluation import check_backend
+    from coevo.evolution.opponents import check_opponents, with_opponents
     from coevo.fitness import Scorer
     from coevo.game import StartsDoNotFitError, check_playable
+    from coevo.hand_typed import hand_typed_teams
     from coevo.levels import check_levels
     from coevo.plugins import search_folders
     from coevo.run import create_run
 
     check_backend(backend)
+    settings = with_opponents(settings)
     folders = search_folders(Path(recipe).parent if is_path(recipe) else Path())
     game = check_playable(settings, folders)  # what is wrong is better found before there is a folder
     Scorer(settings, game.counts, folders)
     check_levels(settings, folders)
+    check_opponents(settings, game)
+    hand_typed_teams(settings, game)
     run = create_run(out if out is not None else _default_folder(settings), settings, folders)
     note(f"Run folder: {run.path}", quiet=quiet)
     try:

@@ -162,12 +162,24 @@ def _show(
 
 
 def _summary(plan: Plan, rows: Mapping[str, Mapping[str, Cell]]) -> str:
-    """Return the columns that people look at first, all of them shares, a line a condition."""
-    from coevo.statistics import mean_interval
+    """Return the columns that people look at first, a line a condition."""
     from coevo.study.registry import kind_named
 
-    ends = tuple(dict.fromkeys(end for one in plan.conditions for end in kind_named(one.kind).headlines))
-    columns = list(dict.fromkeys(column for row in rows.values() for column in row if column.endswith(ends)))
+    kinds = dict.fromkeys(one.kind for one in plan.conditions)
+    found = list(dict.fromkeys(headlines for kind in kinds for headlines in kind_named(kind).headlines))
+    tables = []
+    for number, headlines in enumerate(found):
+        columns = list(dict.fromkeys(name for row in rows.values() for name in row if name.endswith(headlines.ends)))
+        if columns or number == 0:
+            tables.append(_headlines(plan, rows, columns, shares=headlines.shares))
+    return "\n\n".join(tables)
+
+
+def _headlines(plan: Plan, rows: Mapping[str, Mapping[str, Cell]], columns: Sequence[str], *, shares: bool) -> str:
+    """Return some columns, a line a condition; where only a few runs have a value it says how many."""
+    from coevo.statistics import mean_interval
+
+    least, most = (0.0, 1.0) if shares else (float("-inf"), float("inf"))
     lines = []
     for condition in plan.conditions:
         runs = [run for run in plan.runs if run.condition is condition]
@@ -175,10 +187,11 @@ def _summary(plan: Plan, rows: Mapping[str, Mapping[str, Cell]]) -> str:
         cells = [condition.label, f"{len(found)} of {len(runs)}"]
         for column in columns:
             values = [float(row[column]) for row in found if column in row]
+            some = f" ({len(values)} of {len(found)})" if 0 < len(values) < len(found) else ""
             if len(values) > 1:
                 mean, low, high = mean_interval(values)
-                cells.append(f"{mean:.3f} [{max(low, 0.0):.3f}, {min(high, 1.0):.3f}]")
+                cells.append(f"{mean:.3f} [{max(low, least):.3f}, {min(high, most):.3f}]{some}")
             else:
-                cells.append(f"{values[0]:.3f}" if values else "")
+                cells.append(f"{values[0]:.3f}{some}" if values else "")
         lines.append(cells)
     return table(["condition", "runs", *columns], lines)

@@ -166,6 +166,9 @@ class EvaluationSettings(Settings, frozen=True, kw_only=True):
     partners: Annotated[int, Meta(ge=1, le=1000)] = 1
     starts: Literal["own", "common"] = "own"  # common: all groups of a round begin their games alike
     hall_share: Share = 0.5  # of the rounds, played against champions of earlier generations; with hall-of-fame
+    # Teams that do not evolve: a finished run, whose champions then stand here as trees by name of the role; "": none.
+    against: str | dict[str, str] = ""
+    against_share: Share = 1.0  # of the rounds, played against them
     # At least so many games choose the last champions once more, in blocks of ``games``; 0: none.
     champion_games: Annotated[int, Meta(ge=0, le=1_000_000)] = 0
 
@@ -177,9 +180,15 @@ class EvaluationSettings(Settings, frozen=True, kw_only=True):
         return next(rounds for rounds in range(min(self.partners, self.games), 0, -1) if self.games % rounds == 0)
 
     @property
+    def against_rounds(self) -> int:
+        """How many of the rounds are played against teams that do not evolve, rounded half up."""
+        return math.floor(self.against_share * self.rounds + 0.5) if self.against else 0
+
+    @property
     def hall_rounds(self) -> int:
-        """How many of the rounds are played against champions of earlier generations, rounded half up."""
-        return math.floor(self.hall_share * self.rounds + 0.5) if self.grouping == "hall-of-fame" else 0
+        """How many of the other rounds are played against champions of earlier generations, rounded half up."""
+        rest = self.rounds - self.against_rounds
+        return math.floor(self.hall_share * rest + 0.5) if self.grouping == "hall-of-fame" else 0
 
     @property
     def champion_blocks(self) -> int:
@@ -196,6 +205,8 @@ class EvolutionSettings(FileSettings, frozen=True, kw_only=True):
     gp: GPSettings = GPSettings()
     fitness: FitnessSettings = FitnessSettings()
     evaluation: EvaluationSettings = EvaluationSettings()
+    # Teams that 'coevo baselines' puts beside the champions: each a name, and the trees of one team's robots by theirs.
+    hand_typed: tuple[dict[str, str], ...] = ()
     levels: LevelsSettings | None = None  # an environment that co-evolves (6.5); without, it stays as it is
 
 

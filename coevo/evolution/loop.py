@@ -14,6 +14,7 @@ from coevo.config import EvolutionSettings
 from coevo.evolution.champions import judge_again
 from coevo.evolution.evaluation import Evaluator, Match
 from coevo.evolution.grouping import Groups, groups_of, line_ups
+from coevo.evolution.opponents import frozen_codes
 from coevo.evolution.population import Individual, codes_of, first_population, origins_of, parents_of
 from coevo.evolution.variation import breed
 from coevo.fitness import Scorer
@@ -151,14 +152,21 @@ class _Best:
         return self._kept[role, generation]
 
 
-def _matches(run: Run, generation: int, groups: Groups, populations: Sequence[_Population], best: _Best) -> list[Match]:
-    teams = line_ups(groups, {population.role: population.programs for population in populations}, best)
+def _matches(
+    run: Run,
+    generation: int,
+    groups: Groups,
+    populations: Sequence[_Population],
+    best: _Best,
+    frozen: Mapping[int, Program],
+) -> list[Match]:
+    teams = line_ups(groups, {population.role: population.programs for population in populations}, best, frozen)
     return [Match(programs, groups.seeds(run.config.seed, generation, group)) for group, programs in enumerate(teams)]
 
 
 def _contemporary(groups: Groups, outcomes: Sequence[Played]) -> list[Played]:
     """Return what happened in the groups without guests; in all, where each has some."""
-    alone = np.flatnonzero((groups.guests < 0).all(axis=1)).tolist()
+    alone = np.flatnonzero((groups.guests == -1).all(axis=1)).tolist()
     return [outcomes[group] for group in alone or range(len(outcomes))]
 
 
@@ -195,6 +203,8 @@ def evolve(
     scorer = Scorer(settings, game.counts, run.folders)
     run.save_environment()
     functions = {role: game.function_set(role) for role in run.evolving}
+    opponents = frozen_codes(settings, game)
+    frozen = {role: compile_program(codes, functions[role]) for role, codes in opponents.items()}
     state = run.checkpoint() or _rebuild(run, functions)
     best = _Best(run)
     levels = Levels(settings, game, run.level_records(state.generation))
@@ -207,7 +217,7 @@ def evolve(
             _Population(role, codes, state.origins[role], functions[role]) for role, codes in state.populations.items()
         ]
         groups = groups_of(settings, game.roles, generation)
-        matches = _matches(run, generation, groups, populations, best)
+        matches = _matches(run, generation, groups, populations, best, frozen)
         playing = time.perf_counter()
         outcomes = list(evaluator.play(matches, levels.settings))
         played = time.perf_counter()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
@@ -15,14 +16,17 @@ from coevo.contest import Judged, judge, unseen_games
 from coevo.errors import InputError
 from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
+from coevo.evolution.opponents import check_opponents, with_opponents
 from coevo.fitness import Scorer
 from coevo.game import check_playable, own_references, prepare
+from coevo.hand_typed import hand_typed_teams
 from coevo.levels import check_levels
 from coevo.plugins import own_file
 from coevo.recipes import recipe_names, recipe_path
 from coevo.records import CHOSE
 from coevo.run import Run, create_run, open_run
-from coevo.study.kinds import Cell
+from coevo.settlement import PATTERNS, can_settle, settle, settled_name, settlement_columns
+from coevo.study.kinds import Cell, Headlines
 
 __all__ = ["EvolutionRuns", "Finished"]
 
@@ -85,18 +89,32 @@ def _use(of: Finished) -> dict[str, Cell]:
     return found
 
 
+def _settled(of: Finished) -> dict[str, Cell]:
+    if not can_settle(of.run.game):
+        return {}
+    settled = settle(of.run, of.evaluator, games=unseen_games(of.run.config))
+    took_over: dict[str, Cell] = {"took_over": int(settled.take_over is not None)} if settled.others else {}
+    told = {name: value for name, value in settlement_columns(settled).items() if math.isfinite(value)}
+    return {**told, **took_over}
+
+
 # What is measured of a finished run: a further measure is a line here, and finished runs are then measured again.
 _MEASURES: dict[str, Callable[[Finished], dict[str, Cell]]] = {
     "robots": _robots,  # best fitness; what the champion of each robot was judged again at, its depth and nodes
     "unseen": _unseen,  # of each team that evolves, share of unseen games won by its last, first, and single skills
     "use": _use,  # of each such team, share of the decisions for each skill, mean over its champions
+    "settled": _settled,  # share of games between the last champions by pattern, and since when another side is ahead
 }
 
 
 class EvolutionRuns:
     """Runs of evolution; see ``coevo.study.kinds.StudyKind``."""
 
-    headlines = ("_last", "_first", "_single_skills")
+    headlines = (
+        Headlines(("_last", "_first", "_single_skills")),
+        Headlines((*(settled_name(name) for name in PATTERNS), "settled_ratio", "took_over")),
+        Headlines(("take_over",), shares=False),
+    )
 
     @property
     def measured(self) -> tuple[str, ...]:
@@ -108,13 +126,16 @@ class EvolutionRuns:
         return {name: recipe_path(name, "evolution") for name in recipe_names("evolution")}
 
     def settings(self, data: Mapping[str, Any], source: str) -> EvolutionSettings:
-        """Make the settings of a run; see ``coevo.config.check_experiment``."""
-        return check_experiment(data, source)
+        """Make the settings of a run, with the opponents that do not evolve; see ``coevo.config.check_experiment``."""
+        return with_opponents(check_experiment(data, source))
 
     def check(self, settings: FileSettings, folders: Sequence[Path]) -> list[Path]:
         """Make game and fitness once; return the modules of one's own that lie beside the recipe."""
         assert isinstance(settings, EvolutionSettings)
-        Scorer(settings, check_playable(settings, folders).counts, folders)
+        game = check_playable(settings, folders)
+        Scorer(settings, game.counts, folders)
+        check_opponents(settings, game)
+        hand_typed_teams(settings, game)
         check_levels(settings, folders)
         found = (own_file(reference, folders) for reference in own_references(settings))
         return [path for path in found if path is not None]

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from coevo.config import FileSettings
 
-__all__ = ["Cell", "StudyKind"]
+__all__ = ["Cell", "Headlines", "StudyKind"]
 
 Cell = int | float | str
 """What a table holds."""
+
+
+class Headlines(NamedTuple):
+    """Columns that people look at first, a table of its own.
+
+    ends: how their names end. shares: whether they are shares, whose intervals end at 0 and 1.
+    """
+
+    ends: tuple[str, ...]
+    shares: bool = True
 
 
 class StudyKind(Protocol):
@@ -22,8 +32,8 @@ class StudyKind(Protocol):
         """What is measured of a finished run; where this has changed, finished runs are measured again."""
 
     @property
-    def headlines(self) -> tuple[str, ...]:
-        """How the names of those columns end that people look at first; they are shares."""
+    def headlines(self) -> tuple[Headlines, ...]:
+        """What people look at first."""
 
     def recipes(self) -> Mapping[str, Path]:
         """Return the recipes that can be given by name."""

@@ -2,7 +2,8 @@
 
 from coevo.tree.functions import FunctionSet, Situations
 from coevo.tree.program import Program, compile_program, from_codes, tree_codes
-from coevo.tree.simplify import object_situations, simplify
+from coevo.tree.simplify import simplify
+from coevo.tree.situations import object_situations
 from coevo.tree.text import Tree, parse
 
 __all__ = [

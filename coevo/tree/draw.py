@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 
 from coevo.tree.fold import Part, Steps, fold_tree
+from coevo.tree.nodes import Nodes
 from coevo.tree.picture import svg_of
 from coevo.tree.rules import question
-from coevo.tree.text import Tree
 from coevo.vocabulary import SKILLS
 
 __all__ = ["TERMINAL_COLOURS", "as_dot", "as_svg", "as_text", "percent", "terminal_colours"]
@@ -23,7 +23,7 @@ def terminal_colours(terminals: Iterable[str]) -> dict[str, str]:
     return dict(zip(terminals, cycle(TERMINAL_COLOURS), strict=False))
 
 
-def _colours(tree: Tree, terminals: Sequence[str]) -> dict[str, str]:
+def _colours(tree: Nodes, terminals: Sequence[str]) -> dict[str, str]:
     there = [name for name, second in zip(tree.names, tree.second, strict=True) if not second]
     return terminal_colours(dict.fromkeys([*terminals, *there]))
 
@@ -54,7 +54,7 @@ def _share(part: Part, parts: Sequence[Part]) -> float | None:
     return None if part.steps is None else part.steps / (parts[0].steps or 1)
 
 
-def as_text(tree: Tree, steps: Steps | None = None, *, fold: float | None = None) -> str:
+def as_text(tree: Nodes, steps: Steps | None = None, *, fold: float | None = None) -> str:
     """Return a line for each node or folded branch, indented by depth.
 
     Args:
@@ -82,7 +82,7 @@ def as_text(tree: Tree, steps: Steps | None = None, *, fold: float | None = None
 
 
 def as_dot(
-    tree: Tree, steps: Steps | None = None, *, fold: float | None = None, terminals: Sequence[str] = SKILLS
+    tree: Nodes, steps: Steps | None = None, *, fold: float | None = None, terminals: Sequence[str] = SKILLS
 ) -> str:
     """Return the tree for Graphviz; see ``as_text``, and ``as_svg`` for ``terminals``."""
     colours = _colours(tree, terminals)
@@ -105,7 +105,7 @@ def as_dot(
 
 
 def as_svg(
-    tree: Tree,
+    tree: Nodes,
     steps: Steps | None = None,
     *,
     fold: float | None = None,

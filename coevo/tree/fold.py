@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.tree.text import Tree
+from coevo.tree.nodes import Nodes
 
 __all__ = ["FOLD", "Part", "Steps", "fold_tree"]
 
@@ -48,7 +48,7 @@ class Part:
     use: tuple[tuple[str, int], ...] = ()
 
 
-def fold_tree(tree: Tree, steps: Steps | None = None, share: float | None = FOLD) -> tuple[Part, ...]:
+def fold_tree(tree: Nodes, steps: Steps | None = None, share: float | None = FOLD) -> tuple[Part, ...]:
     """Return the parts of a tree in prefix order.
 
     Args:
@@ -93,7 +93,7 @@ def fold_tree(tree: Tree, steps: Steps | None = None, share: float | None = FOLD
     return tuple(parts)
 
 
-def _branches(tree: Tree, steps: Steps | None) -> tuple[list[Counter[str]], list[int]]:
+def _branches(tree: Nodes, steps: Steps | None) -> tuple[list[Counter[str]], list[int]]:
     """Return for each node the steps by terminal that its branch was used for, and how many nodes that has."""
     uses: list[Counter[str]] = [Counter() for _ in tree.names]
     sizes = [1] * tree.nodes

@@ -30,7 +30,7 @@ class FunctionSet:
         functions: names that begin with ``IF_``; each asks something and has two branches, "yes" first.
         terminals: names that do not begin so; what a tree decides for.
         situations: for each group of functions whose answers depend on each other, all that can be true at a time.
-            A function in no group is a question of its own. Only ``coevo.tree.simplify`` looks at them.
+            A function in no group is a question of its own. Only ``coevo.tree.situations`` looks at them.
         descriptions: what a terminal does, in words that go on a sentence ("drives the ball into the goal"), for any
             of them: for people, who read it beside the name.
 

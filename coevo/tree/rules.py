@@ -8,8 +8,8 @@ from itertools import combinations
 
 from coevo.tree.fold import Steps
 from coevo.tree.functions import FunctionSet, Situations
-from coevo.tree.simplify import condition_groups
-from coevo.tree.text import Tree
+from coevo.tree.nodes import Nodes
+from coevo.tree.situations import condition_groups
 from coevo.vocabulary import PREFIX
 
 __all__ = ["Rule", "in_words", "leaf_rules", "question"]
@@ -48,7 +48,7 @@ class Rule:
         return all((name in true) == answer for name, answer in self.conditions)
 
 
-def leaf_rules(tree: Tree, functions: FunctionSet | None = None, steps: Steps | None = None) -> list[Rule]:
+def leaf_rules(tree: Nodes, functions: FunctionSet | None = None, steps: Steps | None = None) -> list[Rule]:
     """Return a rule for each leaf that can be reached; in every situation exactly one of them holds.
 
     Args:

@@ -1,14 +1,15 @@
-"""Trees as values and as text: ``IF_ball_is_lost(search, shoot)``."""
+"""Trees as values, and as text: ``IF_ball_is_lost(search, shoot)``."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 from coevo.errors import InputError, nearest_name
+from coevo.tree.draw import as_svg
 from coevo.tree.functions import FunctionSet
+from coevo.tree.nodes import Nodes
 from coevo.vocabulary import CATEGORIES, PREFIX, SKILLS, THINGS, is_standard
 
 __all__ = ["Tree", "parse"]
@@ -17,10 +18,8 @@ _TOKEN = re.compile(r"\s*([A-Za-z_]\w*|[(),])")
 
 
 @dataclass(frozen=True)
-class Tree:
-    """A tree as the names of its nodes in prefix order; every IF has two branches, every terminal is a leaf."""
-
-    names: tuple[str, ...]
+class Tree(Nodes):
+    """A tree as a value: it is equal to one of the same nodes, is text, and a picture where a notebook shows it."""
 
     def __str__(self) -> str:
         parts: list[str] = []
@@ -40,51 +39,9 @@ class Tree:
                 parts.append(")")
         return "".join(parts)
 
-    def __len__(self) -> int:
-        return len(self.names)
-
     def _repr_svg_(self) -> str:
         """Return the picture that a notebook shows."""
-        from coevo.tree.draw import as_svg  # noqa: PLC0415 - what draws trees imports this module
-
         return as_svg(self)
-
-    @cached_property
-    def second(self) -> tuple[int, ...]:
-        """For each node where its second branch begins; 0 for a leaf."""
-        second = [0] * len(self.names)
-        waiting: list[int] = []
-        for position, name in enumerate(self.names):
-            if name.startswith(PREFIX):
-                waiting.append(position)
-                continue
-            while waiting and second[waiting[-1]]:
-                waiting.pop()
-            if waiting:
-                second[waiting[-1]] = position + 1
-        return tuple(second)
-
-    @cached_property
-    def depths(self) -> tuple[int, ...]:
-        """Depth of each node; the root has 0."""
-        depths: list[int] = []
-        open_depths = [0]
-        for name in self.names:
-            depth = open_depths.pop()
-            depths.append(depth)
-            if name.startswith(PREFIX):
-                open_depths += [depth + 1, depth + 1]
-        return tuple(depths)
-
-    @property
-    def depth(self) -> int:
-        """Depth of the deepest node; 0 for a single terminal."""
-        return max(self.depths)
-
-    @property
-    def nodes(self) -> int:
-        """Number of functions and terminals."""
-        return len(self.names)
 
     def objects(self) -> set[str]:
         """Return the objects that the tree asks about."""

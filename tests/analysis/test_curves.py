@@ -235,7 +235,7 @@ def test_a_chart_holds_the_numbers_of_the_summary_and_computes_none(soccer):
     assert "in 2 games" in text
 
 
-@pytest.mark.parametrize("suffix", [".svg", ".png", ".html"])
+@pytest.mark.parametrize("suffix", [".svg", *(pytest.param(one, marks=pytest.mark.slow) for one in (".png", ".html"))])
 def test_pictures_are_the_same_each_time(soccer, suffix):
     found = summary(choose(table(soccer), ["goals"]), group_names(soccer))
     made = [analysis.charts.chart_bytes(chart(found, words_for(soccer)), suffix) for _ in range(2)]

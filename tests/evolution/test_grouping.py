@@ -14,16 +14,22 @@ from scipy import stats
 from coevo.config import EvaluationSettings, EvolutionSettings, GPSettings, check
 from coevo.errors import InputError
 from coevo.evolution.evaluation import group_seeds
-from coevo.evolution.grouping import games_of_run, groups_again, groups_of, line_ups
+from coevo.evolution.grouping import FROZEN, games_of_run, groups_again, groups_of, line_ups
 from coevo.game import Role
 from coevo.seeds import RunStream, generator
 
 GROUPINGS = ("random", "partners", "best", "hall-of-fame")
 
 
-def settings_of(grouping, *, population=5, partners=1, games=1, seed=0, hall=0.5, starts="own"):
+def settings_of(grouping, *, population=5, partners=1, games=1, seed=0, hall=0.5, starts="own", against=0.0):
     evaluation = EvaluationSettings(
-        games=games * partners, grouping=grouping, partners=partners, hall_share=hall, starts=starts
+        games=games * partners,
+        grouping=grouping,
+        partners=partners,
+        hall_share=hall,
+        starts=starts,
+        against={"p0": "shoot"} if against else "",
+        against_share=against,
     )
     gp = GPSettings(population=population, elite=0)
     return EvolutionSettings(seed=seed, gp=gp, evaluation=evaluation)
@@ -34,7 +40,7 @@ def cases(draw):
     """Return settings and roles: of any number of teams, and with roles that do not evolve."""
     grouping = draw(st.sampled_from(GROUPINGS))
     partners = 1 if grouping == "random" else draw(st.integers(1, 6))
-    hall = draw(st.integers(0, partners)) / partners
+    hall, against = (draw(st.integers(0, partners)) / partners for _ in range(2))
     teams = draw(st.lists(st.integers(0, 3), min_size=1, max_size=6))
     evolves = draw(st.lists(st.booleans(), min_size=len(teams), max_size=len(teams)).filter(any))
     roles = [Role(f"p{n}", team, one) for n, (team, one) in enumerate(zip(teams, evolves, strict=True))]
@@ -46,6 +52,7 @@ def cases(draw):
         seed=draw(st.integers(0, 2**63 - 1)),
         hall=hall,
         starts=draw(st.sampled_from(["own", "common"])),
+        against=against,
     )
     return settings, roles, draw(st.integers(0, 50))
 
@@ -73,9 +80,10 @@ def test_every_role_that_evolves_plays_in_every_group_as_a_member_or_a_guest_of_
     settings, roles, generation = case
     groups = groups_of(settings, roles, generation)
     evolves = np.array([role.evolves for role in roles])
-    plays = (groups.members >= 0).astype(int) + (groups.guests >= 0)
+    plays = (groups.members >= 0).astype(int) + (groups.guests != -1)
     assert (plays == evolves).all()
     assert (groups.guests < generation).all()
+    assert groups.guests.min() >= (FROZEN if settings.evaluation.against else 0 if (groups.guests >= 0).all() else -1)
     assert (groups.counts <= (groups.members >= 0)).all()
     assert groups.members.max() < settings.gp.population
 
@@ -116,7 +124,7 @@ def test_again_is_like_a_generation_for_one_individual(case, seed):
     assert (again.members[:, role] == 1).all()
     own = groups.of(role)[1]
     assert (groups.counts[own] == again.counts).all()  # the same kind of games, round by round
-    assert ((groups.guests[own] >= 0) == (again.guests >= 0)).all()
+    assert (np.minimum(groups.guests[own], 0) == np.minimum(again.guests, 0)).all()
     assert (again.guests < generation).all()
 
 
@@ -210,13 +218,46 @@ def test_a_team_without_opponents_that_evolve_plays_among_itself():
     assert len(groups) == 10
 
 
+@pytest.mark.parametrize("grouping", ["partners", "best", "hall-of-fame"])
+@pytest.mark.parametrize("generation", [0, 3])
+def test_the_last_rounds_are_against_whole_teams_that_do_not_evolve(grouping, generation):
+    settings = settings_of(grouping, population=6, partners=4, hall=0.5, against=0.5)
+    plain = settings_of(grouping, population=6, partners=4, hall=0.25)
+    groups, before = (groups_of(one, THREE_TEAMS, generation) for one in (settings, plain))
+    assert settings.evaluation.against_rounds == 2
+    against = (groups.guests == FROZEN).any(axis=1)
+    assert against.sum() == 2 * 3 * 6  # rounds, teams, individuals
+    assert (np.diff(against.astype(int)) >= 0).all()  # they are the last
+    parts = [part[against] for part in (groups.counts, groups.guests, groups.members)]
+    for counts, guests, members in zip(*parts, strict=True):
+        (own,) = {THREE_TEAMS[role].team for role in np.flatnonzero(counts)}
+        for number, role in enumerate(THREE_TEAMS):
+            mine = role.evolves and role.team == own
+            assert (counts[number], members[number] >= 0) == (mine, mine)
+            assert guests[number] == (-1 if mine or not role.evolves else FROZEN)
+    if grouping == "partners":  # the rounds before are those of always
+        first = np.flatnonzero(~against)
+        assert (groups.members[first] == before.members[: len(first)]).all()
+    if grouping == "hall-of-fame" and generation:
+        assert (groups.guests >= 0).any(axis=1).sum() == 1 * 3 * 6  # half of the other rounds
+
+
 def test_line_ups_put_members_and_guests_into_their_places():
     settings = settings_of("best", population=3)
     groups = groups_of(settings, TWO_TEAMS, 2)
     names = {role: [f"{role}/{one}" for one in range(3)] for role in range(3)}
-    teams = list(line_ups(groups, names, lambda role, generation: f"best {role} of {generation}"))
+    teams = list(line_ups(groups, names, lambda role, generation: f"best {role} of {generation}", {}))
     assert teams[4] == ["best 0 of 1", f"1/{groups.members[4, 1]}", "best 2 of 1"]
-    assert list(line_ups(groups, names, lambda *_: "best", [4, 8]))[1] == ["best", "best", f"2/{groups.members[8, 2]}"]
+    assert list(line_ups(groups, names, lambda *_: "best", {}, [4, 8]))[1] == [
+        "best",
+        "best",
+        f"2/{groups.members[8, 2]}",
+    ]
+    groups = groups_of(settings_of("random", population=3, against=1.0), TWO_TEAMS, 0)
+    frozen = ["frozen 0", "frozen 1", "frozen 2"]
+    first, *_, last = line_ups(groups, names, None, dict(enumerate(frozen)))
+    assert first == [f"0/{groups.members[0, 0]}", f"1/{groups.members[0, 1]}", "frozen 2"]
+    assert last == ["frozen 0", "frozen 1", f"2/{groups.members[-1, 2]}"]
 
 
 @pytest.mark.parametrize(

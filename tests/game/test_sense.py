@@ -33,6 +33,7 @@ def random_goals(settings_of, programs, random_trees, seeds_of):
         pytest.param((HAND_TYPED, HAND_TYPED), id="both search or shoot"),
     ],
 )
+@pytest.mark.slow
 def test_a_team_with_some_sense_scores_clearly_more_than_random_ones(
     random_goals, trees, settings_of, programs, seeds_of
 ):
@@ -46,6 +47,7 @@ def test_a_team_with_some_sense_scores_clearly_more_than_random_ones(
 
 
 @pytest.mark.parametrize("preset", ["chapter6/dissertation-two-learners", "chapter6/dissertation-stationary-opponent"])
+@pytest.mark.slow
 def test_a_team_that_passes_does_better_than_one_robot_alone(preset, settings_of, programs, seeds_of):
     settings, games = settings_of(preset), 1000
     arena = Arena(settings)

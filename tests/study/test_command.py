@@ -8,9 +8,11 @@ import shutil
 import pandas as pd
 import pytest
 
+from coevo.cli import studying
 from coevo.recipes import recipe_path
 from coevo.run import open_run
 from coevo.study import cluster, evolving
+from coevo.study.plan import read_plan
 
 FAILS = "def late(measures, *, generation, **_):\n    return [measures['goals']][generation]\n"
 
@@ -47,6 +49,42 @@ def test_a_row_says_what_coevo_evolve_says_of_that_run(done, coevo, tmp_path, re
         for skill in run.game.function_set(0).terminals:
             use = [one[f"chose_{skill}"] / one.filter(like="chose_").sum() for one in best]
             assert row[f"team{team}_use_{skill}"] == pytest.approx(sum(use) / len(use))
+
+
+def test_a_row_says_what_coevo_settlements_says_of_that_run(done, coevo, study_file, here):
+    ahead = done / "smoke-fixed-seed1"  # as if r2 had had more goals than the others from generation 1 on
+    goals = pd.read_csv(ahead / "generations.csv")
+    goals.loc[(goals["robot"] == "r2") & (goals["generation"] > 0), "goals"] = 99
+    goals.loc[goals["generation"] == 0, "goals"] = 0
+    goals.to_csv(ahead / "generations.csv", index=False)
+    (ahead / "study.json").unlink()
+    assert coevo("study", study_file(), "--out", done).code == 0
+    assert here == [ahead.name]
+    table = pd.read_csv(done / "table.csv").set_index("run")
+    assert (table.loc[ahead.name, "took_over"], table.loc[ahead.name, "take_over"]) == (1, 1)
+    for name, row in table.iterrows():
+        shutil.rmtree(done / name / "results")  # so that the games are played again
+        (told,) = json.loads(coevo("settlements", done / name, "--games", 40, "--json").out)["runs"]
+        measured = [key for key in told if key.startswith("settled_") or key == "take_over"]
+        assert len(measured) == 8
+        assert {key: row.get(key) if pd.notna(row.get(key)) else None for key in measured} == {
+            key: told[key] for key in measured
+        }
+        assert row["took_over"] == (told["take_over"] is not None)
+
+
+def test_the_summary_tells_of_how_many_runs_a_figure_is(study_file):
+    plan = read_plan(str(study_file(vary="", head='recipes = ["smoke"]\nseeds = 4')))
+    rows = {run.name: {"team1_last": share, "took_over": 0} for run, share in zip(plan.runs, (0, 0, 1, 1), strict=True)}
+    rows["smoke-seed1"] |= {"took_over": 1, "take_over": 4.0}
+    rows["smoke-seed3"] |= {"took_over": 1, "take_over": 10.0}
+    shares, settled, take_over = studying._summary(plan, rows).split("\n\n")
+    half = "0.500 [0.000, 1.000]"  # Student's t with 3 degrees of freedom: 0.5 +- 3.182 * 0.577 / 2, cut at 0 and 1
+    assert shares.splitlines()[1].split(maxsplit=4) == ["smoke", "4", "of", "4", half]
+    assert settled.splitlines()[1].split(maxsplit=4) == ["smoke", "4", "of", "4", half]
+    assert settled.splitlines()[0].split() == ["condition", "runs", "took_over"]
+    # with 1 degree of freedom: 7 +- 12.706 * 4.243 / sqrt(2), not cut
+    assert take_over.splitlines()[1].split(maxsplit=4)[-1] == "7.000 [-31.119, 45.119] (2 of 4)"
 
 
 def test_what_is_done_is_skipped_and_more_seeds_may_be_added(done, coevo, study_file, here):

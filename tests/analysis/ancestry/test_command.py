@@ -30,7 +30,7 @@ def test_json_is_the_summary_of_the_ancestry(busy_run, run_command):
     row = busy_run.record(4, "r2").iloc[3]
     steps = tree_usage(busy_run, 4, "r2", int(row["index"])).node_steps
     expected = summary(ancestors(busy_run, "r2", 4, int(row["index"]), node_steps=steps))
-    assert told == {"run": str(busy_run.path), "rank": 3, **expected}
+    assert told == {"run": str(busy_run.path), "rank": 3, "fitness_again": None, **expected}
     assert told["fitness"] == row["fitness"]
     assert told["nodes"] == row["nodes"] == sum(origin["nodes"] for origin in told["origins"])
     assert sum(origin["use"] for origin in told["origins"]) == pytest.approx(1.0)
@@ -73,6 +73,23 @@ def test_what_is_wrong_is_told(words, message, busy_run):
     assert isinstance(done.exception, InputError)
     assert message in str(done.exception)
     assert done.stdout == ""
+
+
+def test_where_champions_were_chosen_once_more_it_is_about_the_chosen_one(run_command, small_settings, go_on, tmp_path):
+    run = go_on(create_run(tmp_path / "run", small_settings("evaluation.champion_games=8")))
+    rows = run.champions().to_dict("records")
+    ranks = [run.record(2, row["robot"])["index"].tolist().index(row["index"]) for row in rows]
+    assert sorted(rank > 0 for rank in ranks) == [False, True, True]  # of both kinds
+    for row, rank in zip(rows, ranks, strict=True):
+        words = (run.path, "--robot", row["robot"], "--quiet")
+        told = json.loads(run_command(*words, "--json").stdout)
+        assert (told["generation"], told["rank"], told["index"]) == (row["generation"], rank, row["index"])
+        assert (told["fitness"], told["fitness_again"]) == (row["fitness"], row["fitness_again"])
+        place = "best" if rank == 0 else f"rank {rank}"
+        whose = f"{row['robot']}'s champion ({place} of generation 2, chosen once more by 8 games) has "
+        assert run_command(*words).stdout.startswith(whose)
+        best = run_command(*words, "--rank", 0).stdout
+        assert best.startswith(whose if rank == 0 else f"{row['robot']}'s best of generation 2 has ")
 
 
 def test_in_random_search_a_tree_comes_from_the_generation_that_made_it(run_command, small_settings, go_on, tmp_path):

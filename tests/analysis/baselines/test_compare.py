@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 
+import msgspec
 import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.baselines import over_runs, read_hand_typed, shipped_hand_typed, table
+from analysis.baselines import hand_typed_of, over_runs, read_hand_typed, shipped_hand_typed, table
 from analysis.baselines.compare import KINDS
+from coevo.config import to_toml
 from coevo.contest import champions, line_up, single_skills
 from coevo.errors import InputError
 from coevo.evolution.evaluation import Evaluator
@@ -117,6 +119,25 @@ def test_over_runs_a_run_counts_once_whatever_its_games():
     assert row["over"] == pytest.approx(0.1)
     assert row["champions"] == pytest.approx(0.5)
     assert row["low"] < 0.1 < row["high"]
+
+
+def test_a_recipe_may_hold_teams_and_a_shipped_one_of_the_same_name_gives_way(coevo, small_run, tmp_path):
+    shipped = shipped_hand_typed(small_run.game)
+    tables = [
+        {"name": "mine", "r2": "IF_ball_is_lost(pass, shoot)"},
+        {"name": shipped[0].name, "r0": "pass", "r1": "pass"},
+    ]
+    recipe = tmp_path / "recipe.toml"
+    recipe.write_text(to_toml(msgspec.structs.replace(small_run.config, hand_typed=tuple(tables))), encoding="utf-8")
+    assert coevo("evolve", recipe, "--generations", 1, "--unseen", 0, "--out", tmp_path / "run").code == 0
+    found = hand_typed_of(open_run(tmp_path / "run"))
+    assert [(one.name, one.team) for one in found[:2]] == [("mine", 1), (shipped[0].name, 0)]
+    assert {role: str(tree) for role, tree in found[1].trees.items()} == {0: "pass", 1: "pass"}
+    assert found[2:] == shipped[1:]
+    typed = coevo("evolve", recipe, "--set", "hand_typed.1.r1=shout", "--out", tmp_path / "other")
+    assert typed.code == 2
+    assert "hand_typed: team 2, r1: tree: unknown name 'shout'" in typed.err
+    assert not (tmp_path / "other").exists()
 
 
 def test_the_shipped_teams_that_a_game_has_place_for(small_run):

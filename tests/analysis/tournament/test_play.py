@@ -60,23 +60,25 @@ def test_every_pair_is_what_its_games_played_alone_give(copied):
         assert np.array_equal(tournament.totals[0, i, j], totals)
 
 
-def test_a_stopped_tournament_goes_on_to_the_same_bytes(copied):
-    whole = copied()
+@pytest.mark.parametrize(
+    ("stop", "workers", "backend"),
+    [(1, 2, "threads"), (2, 1, "threads"), pytest.param(1, 2, "processes", marks=pytest.mark.slow)],
+)
+def test_a_stopped_tournament_goes_on_to_the_same_bytes(stop, workers, backend, copied):
+    whole, run = copied(), copied()
     play(whole)
     (path,) = (whole.path / "results").iterdir()
-    for stop, workers, backend in ((1, 2, "threads"), (2, 1, "threads"), (1, 2, "processes")):
-        run = copied()
 
-        def interrupt(done, _total, stop=stop):
-            if done == stop * 3:
-                raise KeyboardInterrupt
+    def interrupt(done, _total):
+        if done == stop * 3:
+            raise KeyboardInterrupt
 
-        with pytest.raises(KeyboardInterrupt):
-            play(run, report=interrupt)
-        kept = run.path / "results" / path.name
-        assert kept.read_bytes() != path.read_bytes()
-        play(open_run(run.path), workers=workers, backend=backend)
-        assert kept.read_bytes() == path.read_bytes()
+    with pytest.raises(KeyboardInterrupt):
+        play(run, report=interrupt)
+    kept = run.path / "results" / path.name
+    assert kept.read_bytes() != path.read_bytes()
+    play(open_run(run.path), workers=workers, backend=backend)
+    assert kept.read_bytes() == path.read_bytes()
 
 
 def test_a_finished_tournament_is_read_and_not_played(copied):

@@ -254,6 +254,7 @@ def test_a_learning_does_not_go_on_with_another_skill_of_the_same_name(tmp_path)
 # ------------------------------------------------------------------------------------------------------------- commands
 
 
+@pytest.mark.slow
 def test_the_command_learns_measures_and_writes_it(tmp_path):
     path, out = tmp_path / "mine.toml", tmp_path / "learned"
     path.write_text(to_toml(recipe()), encoding="utf-8")
@@ -266,6 +267,7 @@ def test_the_command_learns_measures_and_writes_it(tmp_path):
     assert (out / "card.json").exists()
 
 
+@pytest.mark.slow
 def test_the_study_measures_every_way(monkeypatch, tmp_path):
     monkeypatch.setattr(study_coordination, "_WAYS", dict(list(study_coordination._WAYS.items())[3:4]))
     path = tmp_path / "mine.toml"

@@ -62,6 +62,7 @@ def test_what_changes_in_a_period_is_what_table_3_1_says(small_schedule, reuse):
     assert [(name, len(found.ends)) for name, found in one.results.items()] == [(name, 60) for name in "ABCD"]
 
 
+@pytest.mark.slow
 def test_in_e_and_f_both_learn_and_f_begins_with_new_models_and_the_old_values(small_schedule):
     changes = ("transfer.trials_e=11", "transfer.trials_f=5", "transfer.camera=analytic", "time_limit_steps=100")
     one = Course(small_schedule(*changes), 3)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from behaviors.learning import Yardstick, evaluate
+from behaviors.measuring import Yardstick, evaluate
 from behaviors.recipe import MoverSettings, Recipe
 from coevo.skill import Skill
 from coevo.statistics import share_interval
 
-__all__ = ["describe", "make_card", "measure", "measured_mover"]
+__all__ = ["describe", "describe_curriculum", "make_card", "measure", "measured_mover"]
 
 # What a skill of each task does, where its recipe has no description of its own.
 _TASKS = {
@@ -25,12 +25,14 @@ _TASKS = {
 def make_card(recipe: Recipe, skill: Skill, *, games: int, seed: int) -> dict[str, Any]:
     """Measure a skill on unseen starts and return its card: plain data."""
     measured = {starts: measure(recipe, skill, games=games, seed=seed, starts=starts) for starts in _starts(recipe)}
+    curriculum = {"curriculum": skill.about["curriculum"]} if "curriculum" in skill.about else {}
     return {
         "name": skill.name,
         "task": recipe.task,
         "description": recipe.description or _TASKS[recipe.task],
         "drive": skill.drive,
         "learned_with": {"seed": recipe.seed, "trials": recipe.trials},
+        **curriculum,
         "digest": skill.digest,
         "states": int(skill.values.shape[0]),
         "orders": {model.kind: model.order for model in skill.objects},
@@ -90,3 +92,11 @@ def describe(label: str, data: dict[str, Any]) -> list[str]:
         chased = data["collision_rate_chaser"]
         lines.append(f"{'':24s}collisions with a chaser at 0.3 speed {chased:.3f} [{low:.3f}, {high:.3f}]")
     return lines
+
+
+def describe_curriculum(told: dict[str, Any]) -> str:
+    """Return in a sentence how far a curriculum came."""
+    end = "its criteria were met there" if told["met"] else "its criteria were not met there"
+    said = f"{told['trials']} trials, to level {told['level']} of 0 to {told['levels'] - 1}; {end}"
+    axes = ", ".join(f"{kind} {axis}" for kind, axis in told["axes"])
+    return f"{said}; axes: {axes}" if axes else said

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
+
+import msgspec
+from msgspec import UNSET
 
 from behaviors.measuring import Yardstick, evaluate
 from behaviors.recipe import MoverSettings, Recipe
@@ -44,6 +48,14 @@ def make_card(recipe: Recipe, skill: Skill, *, games: int, seed: int) -> dict[st
 
 
 def _beside(recipe: Recipe, yardstick: Yardstick, *, games: int, seed: int) -> dict[str, Any]:
+    if recipe.mover.skill is not UNSET:  # the skill may be learned anew meanwhile
+        return _yardstick.__wrapped__(recipe, yardstick, games, seed)
+    task = msgspec.structs.replace(recipe, seed=0, trials=1, curriculum=UNSET)
+    return _yardstick(task, yardstick, games, seed)
+
+
+@lru_cache(maxsize=8)  # a study measures hundreds of skills beside the same
+def _yardstick(recipe: Recipe, yardstick: Yardstick, games: int, seed: int) -> dict[str, Any]:
     return {starts: measure(recipe, yardstick, games=games, seed=seed, starts=starts) for starts in _starts(recipe)}
 
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
-from behaviors.learning import Yardstick, evaluate
+import msgspec
+from msgspec import UNSET
+
+from behaviors.measuring import Yardstick, evaluate
 from behaviors.recipe import MoverSettings, Recipe
 from coevo.skill import Skill
 from coevo.statistics import share_interval
 
-__all__ = ["describe", "make_card", "measure", "measured_mover"]
+__all__ = ["describe", "describe_curriculum", "make_card", "measure", "measured_mover"]
 
 # What a skill of each task does, where its recipe has no description of its own.
 _TASKS = {
@@ -25,12 +29,14 @@ _TASKS = {
 def make_card(recipe: Recipe, skill: Skill, *, games: int, seed: int) -> dict[str, Any]:
     """Measure a skill on unseen starts and return its card: plain data."""
     measured = {starts: measure(recipe, skill, games=games, seed=seed, starts=starts) for starts in _starts(recipe)}
+    curriculum = {"curriculum": skill.about["curriculum"]} if "curriculum" in skill.about else {}
     return {
         "name": skill.name,
         "task": recipe.task,
         "description": recipe.description or _TASKS[recipe.task],
         "drive": skill.drive,
         "learned_with": {"seed": recipe.seed, "trials": recipe.trials},
+        **curriculum,
         "digest": skill.digest,
         "states": int(skill.values.shape[0]),
         "orders": {model.kind: model.order for model in skill.objects},
@@ -42,6 +48,14 @@ def make_card(recipe: Recipe, skill: Skill, *, games: int, seed: int) -> dict[st
 
 
 def _beside(recipe: Recipe, yardstick: Yardstick, *, games: int, seed: int) -> dict[str, Any]:
+    if recipe.mover.skill is not UNSET:  # the skill may be learned anew meanwhile
+        return _yardstick.__wrapped__(recipe, yardstick, games, seed)
+    task = msgspec.structs.replace(recipe, seed=0, trials=1, curriculum=UNSET)
+    return _yardstick(task, yardstick, games, seed)
+
+
+@lru_cache(maxsize=8)  # a study measures hundreds of skills beside the same
+def _yardstick(recipe: Recipe, yardstick: Yardstick, games: int, seed: int) -> dict[str, Any]:
     return {starts: measure(recipe, yardstick, games=games, seed=seed, starts=starts) for starts in _starts(recipe)}
 
 
@@ -90,3 +104,11 @@ def describe(label: str, data: dict[str, Any]) -> list[str]:
         chased = data["collision_rate_chaser"]
         lines.append(f"{'':24s}collisions with a chaser at 0.3 speed {chased:.3f} [{low:.3f}, {high:.3f}]")
     return lines
+
+
+def describe_curriculum(told: dict[str, Any]) -> str:
+    """Return in a sentence how far a curriculum came."""
+    end = "its criteria were met there" if told["met"] else "its criteria were not met there"
+    said = f"{told['trials']} trials, to level {told['level']} of 0 to {told['levels'] - 1}; {end}"
+    axes = ", ".join(f"{kind} {axis}" for kind, axis in told["axes"])
+    return f"{said}; axes: {axes}" if axes else said

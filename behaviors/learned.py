@@ -10,6 +10,7 @@ from typing import Any
 
 import msgspec
 
+from behaviors.curriculum import TABLES
 from behaviors.learning import Learning
 from behaviors.recipe import Recipe, recipe_digest
 from coevo.config import to_toml
@@ -55,9 +56,20 @@ def go_on(learning: Learning, checkpoint: Path, report: Callable[[float], None])
             wait = max(_SAVE_EVERY_S, (saved - began) / _SAVE_SHARE)
 
 
-def write_learned(folder: Path, skill: Skill, card: dict[str, Any], recipe: Recipe | None) -> None:
-    """Write a skill with its card and its recipe, None to leave that as it is, and remove the checkpoint."""
+def write_learned(folder: Path, learning: Learning, skill: Skill, card: dict[str, Any], recipe: Recipe | None) -> None:
+    """Write a skill with its card, what its learning tells besides, and its recipe; remove the checkpoint.
+
+    Args:
+        folder: of the skill.
+        learning, skill, card: that was learned.
+        recipe: None to leave that as it is.
+    """
+    files = learning.files()
     with writing(folder):
+        for name in TABLES:
+            (folder / name).unlink(missing_ok=True)
+        for name, data in files.items():
+            write_whole(folder / name, data)
         skill.save(folder / SKILL)
         if recipe is not None:
             write_whole(folder / "recipe.toml", to_toml(recipe).encode())

@@ -4,95 +4,89 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, NamedTuple, Self
 
 import msgspec
 import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from behaviors.checkpoint import read_checkpoint, write_checkpoint
+from behaviors.checkpoint import parts_of, read_checkpoint, with_prefix, write_checkpoint
 from behaviors.coordination.relearning import coordinate
+from behaviors.curriculum import GREEDY, RATES, Curriculum, check_curriculum
 from behaviors.experience import make_models
+from behaviors.measuring import Measured, evaluate, run_greedy, succeeded, warm_up, watch
 from behaviors.practice import Practice, Standing
 from behaviors.recipe import Recipe, plain_recipe, recipe_digest
 from behaviors.tabular.qlearning import make_learner
-from behaviors.tabular.table import make_table
+from behaviors.tabular.table import Table, make_table
 from behaviors.trials.kernels import Results
-from behaviors.trials.scene import Scene, Watched
-from behaviors.trials.solo import blank_skill, no_start, provisional_skill, solo_scene
-from behaviors.trials.task import COLLISION, FAILURE, SUCCESS
+from behaviors.trials.scene import Scene
+from behaviors.trials.solo import blank_skill, no_start, solo_scene
+from behaviors.trials.task import COLLISION, FAILURE, GOING, SUCCESS
+from coevo.complexity import value_change
 from coevo.errors import InputError
 from coevo.seeds import SkillStream, game_seeds
 from coevo.skill import ObjectModel, Skill, load_skill
 from coevo.skill.model import pack_models, unpack_models
-from coevo.stage import INFORMED, LEARNER, SKILL
+from coevo.stage import LEARNER
 
 __all__ = ["Learning", "Measured", "evaluate", "learn", "succeeded", "warm_up", "watch"]
 
-# What a skill is measured beside.
-Yardstick = Literal["random", "informed"]
 Report = Callable[[int, int, float], None]
 Models = tuple[ObjectModel, ...]
 
 
-@dataclass(frozen=True)
-class Measured:
-    """Outcome of many trials of one policy.
+class _Kept(NamedTuple):
+    """What a checkpoint holds: models with all their axes, where the trials stand, where the curriculum does."""
 
-    outcomes, steps: (trials,) int64; see behaviors.trials.task for the outcomes.
-    success: (trials,) bool; for the task avoid, that no collision happened.
-    """
-
-    outcomes: NDArray[np.int64]
-    steps: NDArray[np.int64]
-    success: NDArray[np.bool_]
-
-    @property
-    def success_rate(self) -> float:
-        """Share of the trials that succeeded."""
-        return float(self.success.mean())
-
-    @property
-    def collision_rate(self) -> float:
-        """Share of the trials that ended in a collision."""
-        return float((self.outcomes == COLLISION).mean())
+    models: Models
+    standing: Standing
+    curriculum: tuple[dict[str, Any], dict[str, NDArray[Any]]] | None
 
 
 class Learning:
     """A learning under way, a block of trials at a time; it can be kept in a file and gone on with.
 
     The table kept is the one whose greedy policy did best in the checks (see ``LearningSettings``).
+
+    Attributes:
+        moved: whether the level or the axes of a curriculum have changed after the last block, or it has ended.
     """
 
-    def __init__(
-        self, recipe: Recipe, *, seed: int, trials: int, standing: tuple[Models, Standing] | None = None
-    ) -> None:
+    moved = False
+
+    def __init__(self, recipe: Recipe, *, seed: int, trials: int, kept: _Kept | None = None) -> None:
         """Begin to learn, or go on from where a learning stands.
 
         Args:
             recipe: what to learn and how.
             seed, trials: instead of those of the recipe.
-            standing: models and standing of a learning of the same recipe, seed and trials.
+            kept: of a learning of the same recipe, seed and trials.
 
         Raises:
-            InputError: the recipe leaves nothing to learn from, or its skills do not fit it or each other.
+            InputError: the recipe leaves nothing to learn from, its skills do not fit it or each other, or its
+                curriculum cannot be learned.
         """
         self._recipe, self._seed, self._trials = recipe, seed, trials
+        levels = [] if recipe.curriculum is UNSET else self._checked_levels()
         self._start = None if recipe.coordination is UNSET else coordinate(recipe, seed=seed)
-        if self._start is not None:
-            self._blank = self._start.skill
+        if kept is not None:
+            self._models = kept.models
         else:
-            self._blank = blank_skill(recipe, make_models(recipe, seed) if standing is None else standing[0])
-        if standing is not None:
-            table = standing[1].tables[0]
+            self._models = make_models(recipe, seed) if self._start is None else self._start.skill.objects
+        self._curriculum = None if recipe.curriculum is UNSET else Curriculum(recipe, levels, self._models, seed)
+        if self._curriculum is not None and kept is not None and kept.curriculum is not None:
+            self._curriculum.restore(*kept.curriculum)
+        self._blank = self._blank_now()
+        if kept is not None:
+            table = kept.standing.tables[0]
         elif self._start is not None:
             table = self._start.table()
         else:
             table = make_table(*self._blank.values.shape, sparse=recipe.learning.storage == "sparse")
-        self._scene = solo_scene(recipe, self._blank, LEARNER, learner=make_learner(recipe.learning), table=table)
+        self._scene = self._scene_now(table)
         self._practice = Practice(
             self._scene,
             [0],
@@ -100,9 +94,37 @@ class Learning:
             self._play,
             check=self._check,
             rule=recipe.learning,
-            standing=None if standing is None else standing[1],
+            block=250 if recipe.curriculum is UNSET else recipe.curriculum.trials,
+            standing=None if kept is None else kept.standing,
         )
         self._play(0, 0)  # compiles what is not compiled yet
+
+    def _checked_levels(self) -> list[Recipe]:
+        """Return the recipe on each level; a world without a start is found before anything is learned."""
+        levels = check_curriculum(self._recipe, self._trials)
+        for level, recipe in enumerate(levels):
+            try:
+                run_greedy(recipe, "random", 1, self._seed, SkillStream.CHECK)
+            except InputError as error:
+                raise InputError(f"level {level} of curriculum.keys: {error}") from None
+        return levels
+
+    def _blank_now(self) -> Skill:
+        """Return what is learned, before anything is: with the axes that there are."""
+        if self._start is not None:
+            return self._start.skill
+        return blank_skill(self._recipe, self._models if self._curriculum is None else self._curriculum.models)
+
+    def _scene_now(self, table: Table) -> Scene:
+        """Return what the next trials happen in."""
+        here = self._here
+        skill = dataclasses.replace(self._blank, min_steps=here.action.min_steps, max_steps=here.action.max_steps)
+        return solo_scene(here, skill, LEARNER, learner=make_learner(here.learning), table=table)
+
+    @property
+    def _here(self) -> Recipe:
+        """The recipe as it is now: on a level, if it has levels."""
+        return self._recipe if self._curriculum is None else self._curriculum.recipe
 
     @classmethod
     def load(cls, path: Path, recipe: Recipe, *, seed: int, trials: int) -> Self:
@@ -112,8 +134,9 @@ class Learning:
             InputError: the checkpoint is damaged, or of another recipe, seed, number of trials, or version.
         """
         header, arrays = read_checkpoint(path, _identity(recipe, seed, trials))
-        models = unpack_models(header["objects"], arrays)
-        return cls(recipe, seed=seed, trials=trials, standing=(models, Standing.unpack(header, arrays)))
+        models, standing = unpack_models(header["objects"], arrays), Standing.unpack(header, arrays)
+        curriculum = (header["curriculum"], parts_of("curriculum", arrays)) if "curriculum" in header else None
+        return cls(recipe, seed=seed, trials=trials, kept=_Kept(models, standing, curriculum))
 
     def save(self, path: Path) -> None:
         """Write a checkpoint, whole or not at all.
@@ -121,8 +144,11 @@ class Learning:
         Raises:
             OSError: it cannot be written.
         """
-        objects, models = pack_models(self._blank.objects)
+        objects, models = pack_models(self._models)
         header, arrays = self._practice.at.pack()
+        if self._curriculum is not None:
+            header["curriculum"], more = self._curriculum.pack()
+            arrays |= with_prefix("curriculum", more)
         identity = _identity(self._recipe, self._seed, self._trials)
         write_checkpoint(path, identity, {"objects": objects, **header}, {**arrays, **models})
 
@@ -133,8 +159,9 @@ class Learning:
 
     @property
     def is_finished(self) -> bool:
-        """Whether all trials have been run."""
-        return self._practice.is_finished
+        """Whether all trials have been run, or the criteria of the highest level are met."""
+        ended = self._curriculum is not None and self._curriculum.controller.ended
+        return ended or self._practice.is_finished
 
     def advance(self) -> float:
         """Run the next block of trials, and check the table if that is due; return the share that succeeded.
@@ -142,7 +169,46 @@ class Learning:
         Raises:
             InputError: no start was found.
         """
-        return float(succeeded(self._recipe, self._practice.advance().ends).mean())
+        before = self._practice.at.tables[0]
+        if self._curriculum is not None and self._curriculum.asks_change:
+            before = before._replace(values=before.values.copy())
+        found = self._practice.advance()
+        if self._curriculum is not None:
+            self._observe(self._curriculum, found, before)
+        return float(succeeded(self._recipe, found.ends).mean())
+
+    def _observe(self, curriculum: Curriculum, found: Results, before: Table) -> None:
+        """Let the curriculum take note of a block of trials, and follow it."""
+        counted, at, change = _counted(self._recipe, found.ends), self._practice.at, None
+        if curriculum.asks_greedy:
+            now = dataclasses.replace(self._blank, values=self._practice.values_now()[0])
+            of = run_greedy(self._here, now, self._recipe.learning.check_games, self._seed, SkillStream.CHECK)
+            counted |= {f"{GREEDY}{name}": count for name, count in _counted(self._recipe, of.outcomes).items()}
+        if curriculum.asks_change:
+            known = before.values[: before.used[0]]
+            after = at.tables[0].values[: at.tables[0].used[0]]
+            was = np.vstack([known, np.zeros((len(after) - len(known), after.shape[1]))])
+            change = value_change(was, after, relative=True)
+        event = curriculum.observe(at.done, int(found.steps.sum()), counted, change)
+        self.moved = event is not None
+        if event is None:
+            return
+        if event.kind == "end":
+            self._practice.end()
+            return
+        curriculum.outgrow(event, at)
+        self._blank = self._blank_now()
+        self._scene = self._scene_now(at.tables[0])
+        self._practice.go_to(self._scene)
+
+    def files(self) -> dict[str, bytes]:
+        """Return what stands beside the skill, by name of its file: the tables of a curriculum."""
+        return {} if self._curriculum is None else self._curriculum.files()
+
+    @property
+    def words(self) -> str:
+        """Where its curriculum stands, to go on a sentence; nothing without one."""
+        return "" if self._curriculum is None else f"; {self._curriculum.words}"
 
     def skill(self) -> Skill:
         """Return what has been learned so far."""
@@ -156,6 +222,8 @@ class Learning:
         }
         if self._start is not None:
             about["coordination"] = self._start.about
+        if self._curriculum is not None:
+            about["curriculum"] = self._curriculum.about
         values = self._kept(self._practice.values_kept()[0])
         return dataclasses.replace(
             self._blank, values=values, about=about, sparse=self._recipe.learning.storage == "sparse"
@@ -183,7 +251,7 @@ class Learning:
         reward, told = 0.0, {}
         for starts in ("in-view", "anywhere"):
             changed = msgspec.structs.replace(recipe, starts=starts)
-            measured = _run(changed, now, recipe.learning.check_games, self._seed, SkillStream.CHECK)
+            measured = run_greedy(changed, now, recipe.learning.check_games, self._seed, SkillStream.CHECK)
             success = float((measured.outcomes == SUCCESS).mean())
             told[starts] = measured.success_rate
             earned = success * recipe.goal_reward + measured.collision_rate * recipe.collision_reward
@@ -191,6 +259,12 @@ class Learning:
                 earned = float((measured.outcomes == FAILURE).mean()) * recipe.conceded_reward
             reward += 0.5 * earned
         return reward, told
+
+
+def _counted(recipe: Recipe, ends: NDArray[np.int64]) -> dict[str, tuple[int, int]]:
+    """Return how often each rate of a curriculum was achieved in trials, and of how many."""
+    achieved = (succeeded(recipe, ends), ends == COLLISION, ends == FAILURE, ends == GOING)
+    return {name: (int(which.sum()), len(ends)) for name, which in zip(RATES, achieved, strict=True)}
 
 
 def _identity(recipe: Recipe, seed: int, trials: int) -> dict[str, Any]:
@@ -230,99 +304,3 @@ def learn(recipe: Recipe, *, seed: int | None = None, trials: int | None = None,
         if report is not None:
             report(learning.done, trials, share)
     return learning.skill()
-
-
-def succeeded(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell of (trials,) outcomes which are a success: of avoid, that no collision happened; of defend, no goal."""
-    spared = {"avoid": COLLISION, "defend": FAILURE}
-    success: NDArray[np.bool_] = outcomes != spared[recipe.task] if recipe.task in spared else outcomes == SUCCESS
-    return success
-
-
-def evaluate(
-    recipe: Recipe,
-    skill: Skill | Yardstick,
-    *,
-    games: int,
-    seed: int,
-    starts: str | None = None,
-    mover: Any = None,
-    epsilon: float = 0.0,
-) -> Measured:
-    """Run a skill from unseen starts, greedily but for a share of random actions.
-
-    Args:
-        recipe: the task.
-        skill: what to measure: a skill; "random", actions that are each held as long as the recipe allows; or
-            "informed", a controller that is told the true state (behaviors.trials.informed).
-        games: how many trials.
-        seed: the starts are drawn from it; they are never those of learning.
-        starts: "in-view" or "anywhere", instead of the recipe's.
-        mover: MoverSettings instead of the recipe's.
-        epsilon: probability that an action is drawn at random.
-
-    Example:
-        >>> from behaviors.learning import evaluate
-        >>> from behaviors.recipe import read_recipe
-        >>> from coevo.skill import load_skill
-        >>> recipe = read_recipe("shoot")
-        >>> found = {who: evaluate(recipe, who, games=50, seed=7).success_rate for who in ("random", "informed")}
-        >>> found["random"] < 0.2 < 0.8 < evaluate(recipe, load_skill("shoot"), games=50, seed=7).success_rate
-        True
-    """
-    changed = msgspec.structs.replace(recipe, starts=starts or recipe.starts, mover=mover or recipe.mover)
-    if isinstance(skill, Skill):
-        _check_looks(recipe, skill)
-    return _run(changed, skill, games, seed, SkillStream.EVALUATION, epsilon)
-
-
-def watch(
-    recipe: Recipe, skill: Skill, *, games: int, seed: int, starts: str | None = None, mover: Any = None
-) -> list[Watched]:
-    """Return every step of the trials that ``evaluate`` runs with the same arguments.
-
-    Raises:
-        InputError: the skill is not one for this task, or no start was found.
-    """
-    changed = msgspec.structs.replace(recipe, starts=starts or recipe.starts, mover=mover or recipe.mover)
-    _check_looks(recipe, skill)
-    watched = _scene(changed, skill).watch(game_seeds(seed, SkillStream.EVALUATION, count=games))
-    if watched is None:
-        raise no_start(recipe)
-    return watched
-
-
-def warm_up(recipe: Recipe) -> None:
-    """Load the machine code of trials, or compile it."""
-    _scene(recipe, "random").run(game_seeds(recipe.seed, SkillStream.EVALUATION, count=0), total=0)
-
-
-def _check_looks(recipe: Recipe, skill: Skill) -> None:
-    kinds = {model.kind for model in skill.objects}
-    if kinds != {model.kind for model in recipe.objects}:
-        wanted = ", ".join(model.kind for model in recipe.objects)
-        looks = ", ".join(sorted(kinds))
-        raise InputError(f"the skill {skill.name!r} looks at {looks}; the task {recipe.task} needs {wanted}")
-
-
-def _run(
-    recipe: Recipe, skill: Skill | Yardstick, games: int, seed: int, stream: SkillStream, epsilon: float = 0.0
-) -> Measured:
-    """Run ``games`` trials of the recipe without learning."""
-    found = _scene(recipe, skill, epsilon).run(game_seeds(seed, stream, count=games), total=games)
-    if found is None:
-        raise no_start(recipe)
-    return Measured(found.ends, found.steps, succeeded(recipe, found.ends))
-
-
-def _scene(recipe: Recipe, skill: Skill | Yardstick, epsilon: float = 0.0) -> Scene:
-    """Return what trials without learning happen in."""
-    known = isinstance(skill, Skill)
-    learner = make_learner(recipe.learning)._replace(epsilon_start=epsilon, epsilon_end=epsilon)
-    return solo_scene(
-        recipe,
-        skill if isinstance(skill, Skill) else provisional_skill(recipe),
-        INFORMED if skill == "informed" else SKILL,
-        learner=learner,
-        at_random=not known,
-    )

@@ -118,6 +118,17 @@ class Practice:
         """Whether all trials have been run."""
         return self.at.done == self.total
 
+    def go_to(self, scene: Scene) -> None:
+        """Go on in another scene, with the tables of its robots."""
+        self._scene = scene
+        self._take_tables()
+
+    def end(self) -> None:
+        """Run no more trials: the tables are checked as they would be after the last."""
+        self.total = self.at.done
+        if not self.at.checks or self.at.checks[-1]["trials"] < self.at.done:
+            self._check_if_due(self.at.done)
+
     def advance(self) -> Results:
         """Run the next block of trials, and check the tables if that is due; return how the trials went."""
         at, first = self.at, self.at.done

@@ -16,6 +16,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 from behaviors.raw import RAW_COMPONENTS
 from coevo.config import (
+    ComplexitySettings,
     FileSettings,
     NonNegative,
     Positive,
@@ -32,6 +33,7 @@ from coevo.recipes import is_path, recipe_names, recipe_path
 __all__ = [
     "ActionSettings",
     "CoordinationSettings",
+    "CurriculumSettings",
     "LearningSettings",
     "ModelSettings",
     "MoverSettings",
@@ -63,12 +65,13 @@ _YOUNGER = (
     "world.rules",  # after its parts
 )
 _PRETRAINED = Path(__file__).parent / "pretrained"
+_ObjectKind = Literal["ball", "own_goal", "opponent_goal", "mate", "robot"]
 
 
 class ModelSettings(Settings, frozen=True, kw_only=True):
     """How the state of one object is estimated: by a local prediction model, or from its features in one image."""
 
-    kind: Literal["ball", "own_goal", "opponent_goal", "mate", "robot"]
+    kind: _ObjectKind
     estimator: Literal["cva", "raw"] = "cva"  # raw: see behaviors.raw; cell and axes are then without effect
     history_length: Annotated[int, Meta(ge=1, le=12)] | None = None  # None: chosen as in 3.2.3; raw: always 1
     order: Annotated[int, Meta(ge=1, le=8)] | None = None  # None: chosen by AIC (3.6); raw: 2, of a goal 3
@@ -169,6 +172,37 @@ class CoordinationSettings(Settings, frozen=True, kw_only=True):
     steps_trials: Annotated[int, Meta(ge=1, le=1_000_000)] = 5000  # from which the steps to a goal are estimated
 
 
+class CurriculumSettings(ComplexitySettings, frozen=True, kw_only=True):
+    """A world that grows harder while a skill is learned in it, and states that grow with it (chapter 4).
+
+    The recipe's own settings are the task: the hardest world, where models are identified (Fig. 4.3, step 1), and where
+    the skill is checked and measured. An observation is a block of trials; rates are shares of them. To learn without
+    levels is to begin on the highest (``first``), without growth to begin with all axes (``dimension``).
+    """
+
+    trials: Annotated[int, Meta(ge=1, le=100_000)] = 100  # [C] of an observation
+    window: Annotated[int, Meta(ge=1, le=10_000)] = 3  # [C] observations
+    # Objects whose axes are added, one axis at a time: the first axes of all of them are there from the start.
+    # ``dimension`` and ``most_dimensions`` count the axes of these objects.
+    grow: tuple[_ObjectKind, ...] = ()
+    # model: canonical axes in the order of their mu (4.1, 4.2), turned ones in that of what they say of the image. The
+    # others are controls.
+    axis_order: Literal["model", "reversed", "random"] = "model"
+    new_values: Literal["copy", "zero"] = "copy"  # (4.3), or all values are forgotten when an axis is added, a control
+    # Share of the visits, which the learning rate falls with, that is kept when the level or the axes change; 0: it
+    # begins anew.
+    keep_visits: Share = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(set(self.grow)) < len(self.grow):
+            raise ValueError("grow: expected each object once")
+        if not self.grow and self.most_dimensions:
+            raise ValueError("most_dimensions: expected grow with the objects whose axes these are")
+        if self.dimension < len(self.grow):
+            raise ValueError(f"dimension: expected the first axis of each object in grow, {len(self.grow)} or more")
+
+
 class Recipe(FileSettings, frozen=True, kw_only=True):
     """One skill, from nothing or, with ``coordination``, from skills that are there."""
 
@@ -191,6 +225,7 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
     coordination: CoordinationSettings | UnsetType = (
         UNSET  # a recipe without it reads, and hashes, as if it were unknown
     )
+    curriculum: CurriculumSettings | UnsetType = UNSET
     world: WorldSettings = WorldSettings()
 
     def __post_init__(self) -> None:
@@ -205,6 +240,22 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
         self._check_objects()
         if self.coordination is not UNSET and self.learning.storage == "sparse":
             raise ValueError("learning.storage: with coordination every state has values from the start: 'dense'")
+        if self.curriculum is not UNSET:
+            self._check_growth(self.curriculum)
+
+    def _check_growth(self, curriculum: CurriculumSettings) -> None:
+        orders = [model.order for kind in curriculum.grow for model in self.objects if model.kind == kind]
+        known = [model.kind for model in self.objects]
+        unknown = [kind for kind in curriculum.grow if known.count(kind) != 1]
+        if unknown:
+            raise ValueError(f"curriculum.grow: expected objects that stand once in objects, got {unknown[0]!r}")
+        if curriculum.grow and self.coordination is not UNSET:
+            raise ValueError("curriculum.grow: with coordination the axes are those of the skills")
+        if None not in orders and curriculum.most_dimensions > sum(order or 0 for order in orders):
+            raise ValueError(
+                f"curriculum.most_dimensions: {' and '.join(curriculum.grow)} have"
+                f" {sum(order or 0 for order in orders)} axes (objects.order), got {curriculum.most_dimensions}"
+            )
 
     def _check_objects(self) -> None:
         kinds = [model.kind for model in self.objects]

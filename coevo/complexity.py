@@ -25,6 +25,7 @@ __all__ = [
     "Rule",
     "at_level",
     "check_rates",
+    "check_wholes",
     "every_level",
     "rules_of",
     "value_change",
@@ -82,23 +83,29 @@ def values_at(settings: ComplexitySettings, level: int) -> dict[str, Any]:
     return found
 
 
-def at_level(base: _S, settings: ComplexitySettings, level: int) -> _S:
+def at_level(base: _S, settings: ComplexitySettings, level: int, *, table: str = "levels") -> _S:
     """Return settings as they are on a level.
+
+    Args:
+        base: the settings that levels change.
+        settings: the levels.
+        level: from 0 on.
+        table: where the levels stand, for messages.
 
     Raises:
         InputError: there is no such setting, or it refuses its value.
     """
-    source = f"level {level} of levels.keys"
+    source = f"level {level} of {table}.keys"
     return check(type(base), assign(msgspec.to_builtins(base), values_at(settings, level), source), source)
 
 
-def every_level(base: _S, settings: ComplexitySettings) -> list[_S]:
+def every_level(base: _S, settings: ComplexitySettings, *, table: str = "levels") -> list[_S]:
     """Return settings on each level, lowest first; so all are checked before anything is done.
 
     Raises:
         InputError: as of ``at_level``.
     """
-    return [at_level(base, settings, level) for level in range(settings.levels)]
+    return [at_level(base, settings, level, table=table) for level in range(settings.levels)]
 
 
 def rules_of(settings: ComplexitySettings) -> tuple[Rule, ...]:
@@ -118,6 +125,27 @@ def check_rates(settings: ComplexitySettings, known: Sequence[str], source: str)
             if name not in known:
                 near = nearest_name(name, known)
                 raise InputError(f"{source}: {table}: nobody measures a rate {name!r}.{near} Known: {', '.join(known)}")
+
+
+def check_wholes(settings: ComplexitySettings, wholes: Sequence[Sequence[str]], source: str) -> None:
+    """Refuse rates that are required together, but are more, or less, than a whole.
+
+    Args:
+        settings: with criteria.
+        wholes: names of rates that are 1 together.
+        source: where the settings stand.
+
+    Raises:
+        InputError: these can never be met.
+    """
+    for table in ("raise_when", "lower_when"):
+        criteria: dict[str, CriterionSettings] = getattr(settings, table)
+        for whole in wholes:
+            given = [criteria.get(name, CriterionSettings(at_least=0.0)) for name in whole]
+            low = sum(one.at_least or 0.0 for one in given)
+            high = sum(1.0 if one.at_most is None else one.at_most for one in given)
+            if low > 1.0 + 1e-9 or high < 1.0 - 1e-9:
+                raise InputError(f"{source}.{table}: {' and '.join(whole)} are 1 together; these can never be met")
 
 
 def value_change(before: NDArray[np.float64], after: NDArray[np.float64], *, relative: bool = False) -> float:

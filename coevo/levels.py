@@ -17,7 +17,7 @@ from typing import NamedTuple, Self
 import msgspec
 import numpy as np
 
-from coevo.complexity import Controller, Counted, Rule, at_level, check_rates, rules_of, values_at
+from coevo.complexity import Controller, Counted, Rule, at_level, check_rates, check_wholes, rules_of, values_at
 from coevo.config import CriterionSettings, EvolutionSettings, ForeignSettings, LevelsSettings
 from coevo.errors import InputError
 from coevo.game import Game, Played, check_playable, teams_of
@@ -129,18 +129,6 @@ def _rules(levels: LevelsSettings, game: Game) -> tuple[Rule, ...]:
     return (*rules, *down, Rule("raise", both))
 
 
-def _check_shares(levels: LevelsSettings, game: Game) -> None:
-    """Refuse rates that are required together, but are more, or less, than a whole."""
-    for table in ("raise_when", "lower_when"):
-        criteria: dict[str, CriterionSettings] = getattr(levels, table)
-        for whole in ([f"won_{team}" for team in teams_of(game)], ["decided", "undecided"]):
-            given = [criteria.get(name, CriterionSettings(at_least=0.0)) for name in whole]
-            low = sum(one.at_least or 0.0 for one in given)
-            high = sum(1.0 if one.at_most is None else one.at_most for one in given)
-            if low > 1.0 + 1e-9 or high < 1.0 - 1e-9:
-                raise InputError(f"levels.{table}: {' and '.join(whole)} are 1 together; these can never be met")
-
-
 def check_levels(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> None:
     """Refuse levels that cannot be played, so that what is wrong is told beforehand.
 
@@ -161,7 +149,7 @@ def check_levels(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> N
             raise InputError(f"levels.keys: expected settings within {', '.join(allowed)}, got {key!r}")
     base = check_playable(settings, folders)
     check_rates(levels, rates_of(base), "levels")
-    _check_shares(levels, base)
+    check_wholes(levels, [[f"won_{team}" for team in teams_of(base)], ["decided", "undecided"]], "levels")
     _rules(levels, base)
     for level in range(levels.levels):
         played_by = level_settings(settings, level)

@@ -114,7 +114,7 @@ def learn(
         again = _again(source, seed=seed, trials=trials, drive=drive, out=out, games=counted, video=video)
         note(f"Stopped; {learning.done} of {recipe.trials} trials are saved. Go on with: {again}")
         raise
-    write_learned(folder, skill, card, None if is_recipe_of(source, folder) else recipe)
+    write_learned(folder, learning, skill, card, None if is_recipe_of(source, folder) else recipe)
     _film(folder, recipe, video)
     _show(folder, card, as_json=as_json, said=_written(f"Written: {folder}", video))
 
@@ -189,10 +189,10 @@ def _go_on(learning: Learning, recipe: Recipe, checkpoint: Path, *, quiet: bool)
 
         def report(share: float) -> None:
             done = learning.done
-            if done == total or done % max(250, total // 20 // 250 * 250) == 0:
-                progress.step(
-                    f"{recipe.name}: {done} of {total} trials, {share:.0%} of the last block succeeded", done=done
-                )
+            due = done % max(250, total // 20 // 250 * 250) == 0
+            if due or learning.is_finished or learning.moved:
+                said = f"{recipe.name}: {done} of {total} trials, {share:.0%} of the last block succeeded"
+                progress.step(said + learning.words, done=done)
 
         go_on(learning, checkpoint, report)
 
@@ -203,12 +203,14 @@ def _again(source: str, **options: object) -> str:
 
 
 def _show(folder: Path, card: dict[str, Any], *, as_json: bool, said: str) -> None:
-    from behaviors.cards import describe
+    from behaviors.cards import describe, describe_curriculum
 
     if as_json:
         emit({"folder": str(folder), **card})
         return
     click.echo(f"{card['name']} ({card['drive']}, {card['states']} states)")
+    if "curriculum" in card:
+        click.echo(f"  {describe_curriculum(card['curriculum'])}")
     for who, key in (("", "measured"), ("random: ", "random_actions"), ("true state: ", "true_state_controller")):
         for starts, data in card[key].items():
             for line in describe(who + starts, data):

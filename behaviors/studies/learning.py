@@ -11,6 +11,7 @@ import msgspec
 from msgspec import UNSET
 
 from behaviors.cards import make_card
+from behaviors.curriculum import check_curriculum
 from behaviors.learned import CARD_GAMES, CHECKPOINT, SKILL, card_of, go_on, write_learned, writing
 from behaviors.learning import Learning, warm_up
 from behaviors.lpm import PersistentExcitationWarning
@@ -41,8 +42,10 @@ class SkillRuns:
         return check(Recipe, data, source)
 
     def check(self, settings: FileSettings, _folders: Sequence[Path]) -> list[Path]:
-        """Load the skills that a recipe names."""
+        """Load the skills that a recipe names, and check its curriculum."""
         assert isinstance(settings, Recipe)
+        if settings.curriculum is not UNSET:
+            check_curriculum(settings, settings.trials)
         named = [model.model_of for model in settings.objects] + [settings.mover.skill]
         if settings.coordination is not UNSET:
             named += settings.coordination.skills
@@ -91,7 +94,7 @@ def _learned(recipe: Recipe, folder: Path, tick: Callable[[], None]) -> dict[str
     go_on(learning, checkpoint, leave_if_unwanted)
     skill = learning.skill()
     card = make_card(recipe, skill, games=CARD_GAMES, seed=StartsSeed.CARDS)
-    write_learned(folder, skill, card, recipe)
+    write_learned(folder, learning, skill, card, recipe)
     kept: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(card))  # as the file gives it back
     return kept
 
@@ -111,4 +114,8 @@ def _row(card: Mapping[str, Any]) -> dict[str, Cell]:
         for key in ("success_rate", "collision_rate", "collision_rate_chaser"):
             if key in told:
                 row[f"{key}_{starts.replace('-', '_')}"] = told[key]
-    return {**row, "states": card["states"]}
+    curriculum = card.get("curriculum", {})
+    told = {name: curriculum[name] for name in ("trials", "level", "dimension") if curriculum}
+    if curriculum:
+        told["met"] = int(curriculum["met"])
+    return {**row, "states": card["states"], **told}

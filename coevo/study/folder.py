@@ -93,7 +93,7 @@ class StudyFolder:
             InputError: they cannot be written.
         """
         runs = self.plan.runs
-        key = ["recipe", "seed", *self.plan.record.vary, "run"]
+        key = list(runs[0].key)
         found = [{**run.key, **rows[run.name]} for run in runs if run.name in rows]
         columns = list(dict.fromkeys([*key, *(column for row in found for column in row)]))
         lost = [{**run.key, "reason": failed[run.name]} for run in runs if run.name in failed]
@@ -136,7 +136,7 @@ def check_folder(path: Path, plan: Plan) -> None:
     there, new = check(StudySettings, read_toml(path / STUDY), str(path / STUDY)), plan.record
     different = [
         name
-        for name in ("recipes", "set", "vary", "conditions")
+        for name in ("recipes", "set", "vary", "arms", "conditions")
         if _plain(getattr(there, name)) != _plain(getattr(new, name))
     ]
     if different:

@@ -30,13 +30,15 @@ _Seed = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 
 
 class StudySettings(FileSettings, frozen=True, kw_only=True):
-    """A study: every recipe with every combination of the varied settings and every seed is a run."""
+    """A study: every recipe with every arm, every combination of the varied settings and every seed is a run."""
 
     kind: Literal["study"] = "study"
     recipes: Annotated[tuple[str, ...], Meta(min_length=1)]  # names, or files beside the study file
     seeds: Annotated[int, Meta(ge=1, le=_MOST_RUNS)] | Annotated[tuple[_Seed, ...], Meta(min_length=1)] = 1  # 3: 0 1 2
     set: dict[str, Any] = msgspec.field(default_factory=dict)  # settings of all runs, by dotted key
     vary: dict[str, Any] = msgspec.field(default_factory=dict)  # lists of values, by dotted key
+    # What is compared where that is no product: by name, settings by dotted key, which go before those of ``set``.
+    arms: dict[str, dict[str, Any]] = msgspec.field(default_factory=dict)
     # Written into the study's folder: a digest of the settings of each condition. Where there is one it must be right.
     conditions: dict[str, str] = msgspec.field(default_factory=dict)
 
@@ -49,7 +51,7 @@ class Condition:
         label: in the names of their folders.
         recipe: what the column ``recipe`` says: its name, without folders and ending where that is enough.
         kind: of the recipe.
-        values: of the varied keys.
+        values: of the varied keys; before them that of "arm", if there are arms.
         data: settings as plain data, without a seed.
         folders: where code of one's own is looked for.
         own: the files of it that were found.
@@ -152,23 +154,23 @@ def read_plan(source: str, seeds: int | None = None) -> Plan:
     settings = check(StudySettings, read_toml(path), source)
     chosen = _seeds(settings.seeds if seeds is None else seeds, source)
     fixed, varied = _flat(settings.set), _flat(settings.vary)
-    _check_keys(fixed, varied, source)
+    arms = {name: _flat(table) for name, table in settings.arms.items()}
+    _check_keys(fixed, varied, arms, source)
     read = [_read_recipe(name, path.parent, source) for name in settings.recipes]
     names = _short_names([name for name, *_ in read])
     count = len(read) * len(chosen)
-    for values in varied.values():
+    for values in [arms or [None], *varied.values()]:
         count *= len(values)
     if count > _MOST_RUNS:
         raise InputError(f"{source}: expected at most {_MOST_RUNS} runs, got {count}; make several studies of it")
     made: list[Condition] = []
     digests: dict[str, str] = {}
     for name, (given, kind, data, folders) in zip(names, read, strict=True):
-        for values in _combinations(varied):
+        for values in _combinations({"arm": list(arms), **varied} if arms else varied):
             label = _label(name, values, digests)
             told = " ".join([given, *(f"{key}={_cell(value)}" for key, value in values.items())])
-            condition = Condition(
-                label, name, kind, values, assign(data, {**fixed, **values}, f"{source}: {told}"), folders
-            )
+            changes = fixed | arms.get(values.get("arm", ""), {}) | {key: values[key] for key in varied}
+            condition = Condition(label, name, kind, values, assign(data, changes, f"{source}: {told}"), folders)
             checked, digest = _checked(condition, chosen, f"{source}: {told}")
             made.append(checked)
             digests[label] = digest
@@ -183,7 +185,7 @@ def read_plan(source: str, seeds: int | None = None) -> Plan:
         f"{RECIPES}/{name}.toml" if name in files else given
         for name, given in zip(names, settings.recipes, strict=True)
     )
-    record = StudySettings(recipes=recipes, seeds=chosen, set=fixed, vary=varied, conditions=digests)
+    record = StudySettings(recipes=recipes, seeds=chosen, set=fixed, vary=varied, arms=arms, conditions=digests)
     return Plan(record, tuple(made), chosen, files)
 
 
@@ -220,8 +222,11 @@ def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     return found
 
 
-def _check_keys(fixed: Mapping[str, Any], varied: Mapping[str, Any], source: str) -> None:
-    for table, keys in (("set", fixed), ("vary", varied)):
+def _check_keys(
+    fixed: Mapping[str, Any], varied: Mapping[str, Any], arms: Mapping[str, Mapping[str, Any]], source: str
+) -> None:
+    named = [(f"arms.{name}", keys) for name, keys in arms.items()]
+    for table, keys in (("set", fixed), ("vary", varied), *named):
         for key, word in (("seed", "seeds"), ("kind", "recipes")):
             if key in keys:
                 raise InputError(f"{source}: {table}.{key}: a study says this by '{word}'; leave it out here")
@@ -229,8 +234,9 @@ def _check_keys(fixed: Mapping[str, Any], varied: Mapping[str, Any], source: str
         if not isinstance(values, list) or not values:
             raise InputError(f"{source}: vary.{key}: expected a list of values, such as [1, 2], got {values!r}")
         _check_distinct(f"vary.{key}", values, source)
-        if key in fixed:
-            raise InputError(f"{source}: {key} stands in [set] and in [vary]; leave it out of one of them")
+        for table, keys in (("set", fixed), *named):
+            if key in keys:
+                raise InputError(f"{source}: {key} stands in [{table}] and in [vary]; leave it out of one of them")
 
 
 def _combinations(varied: Mapping[str, Sequence[Any]]) -> Iterator[dict[str, Any]]:

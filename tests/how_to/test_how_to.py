@@ -64,6 +64,15 @@ def test_condition(follow):
     assert any("IF_ball_is_near" in tree.names for tree in trees(run))
 
 
+@pytest.mark.slow
+def test_curriculum(follow):
+    folder = follow("curriculum.md") / "runs" / "noisy"
+    moved, observed = (pd.read_csv(folder / f"{name}.csv") for name in ("levels", "observations"))
+    assert moved["event"].iloc[[0, -1]].tolist() == ["start", "end"]
+    assert set(moved["world.camera.noise_px"]) <= {0.0, 0.5, 1.0, 1.5}
+    assert observed["trial"].tolist() == [100 * (n + 1) for n in range(len(observed))]
+
+
 def test_fitness(follow, coevo):
     folder = follow("fitness.md")
     table = pd.read_parquet(folder / "runs" / "passing" / "individuals.parquet")

@@ -40,6 +40,43 @@ def test_every_combination_is_a_run_with_a_name_of_its_own(study_file):
     }
 
 
+def test_arms_are_settings_by_name_in_place_of_the_studys_own(study_file, tmp_path):
+    arms = '[arms.plain]\n[arms.small]\n"gp.population" = 8\ngp.elite = 2\n'
+    path = str(study_file('recipes = ["smoke"]\nseeds = [1]', arms + '[vary]\n"fitness.kind" = ["fixed", "varying"]'))
+    plan = read_plan(path)
+    found = [(run.name, run.settings.gp.population, run.settings.gp.elite) for run in plan.runs]
+    given = read_plan(str(study_file('recipes = ["smoke"]\nseeds = [1]', '[vary]\n"fitness.kind" = ["fixed"]'))).runs[0]
+    own = given.settings.gp.population, given.settings.gp.elite
+    assert found == [
+        ("smoke-plain-fixed-seed1", *own),
+        ("smoke-plain-varying-seed1", *own),
+        ("smoke-small-fixed-seed1", 8, 2),
+        ("smoke-small-varying-seed1", 8, 2),
+    ]
+    assert plan.runs[2].key == {
+        "recipe": "smoke",
+        "seed": 1,
+        "arm": "small",
+        "fitness.kind": "fixed",
+        "run": "smoke-small-fixed-seed1",
+    }
+    (tmp_path / "again.toml").write_text(to_toml(plan.record))
+    assert [run.name for run in read_plan(str(tmp_path / "again.toml")).runs] == [run.name for run in plan.runs]
+
+
+@pytest.mark.parametrize(
+    ("arms", "said"),
+    [
+        ('[arms.one]\n"fitness.kind" = "fixed"', r"fitness.kind stands in \[arms.one\] and in \[vary\]"),
+        ("[arms.one]\nseed = 3", "arms.one.seed: a study says this by 'seeds'"),
+        ("[arms.one]\ngp.elit = 3", "arm=one.*unknown setting 'gp.elit'"),
+    ],
+)
+def test_wrong_arms_are_refused(arms, said, study_file):
+    with pytest.raises(InputError, match=said):
+        read_plan(str(study_file(settings=arms)))
+
+
 def test_keys_without_quotes_mean_the_same(study_file):
     quoted = read_plan(str(study_file(settings='[set]\n"gp.population" = 6')))
     plain = read_plan(

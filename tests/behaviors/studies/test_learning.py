@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from behaviors.studies.learning import SkillRuns
+from coevo.errors import InputError
 from coevo.study import cores
 from coevo.study.plan import read_plan
 from coevo.study.task import LeftError, do
@@ -90,3 +91,49 @@ def test_a_row_is_the_card_of_coevo_learn_and_a_stopped_learning_ends_alike(stud
     assert sorted(path.name for path in stopped.iterdir()) == ["card.json", "recipe.toml", "skill.npz"]
     for path in stopped.iterdir():
         assert path.read_bytes() == (folder / path.name).read_bytes()
+
+
+GROWING = """
+[curriculum]
+keys = [{ "world.robot.max_turn_rate_dps" = [60.0, 120.0] }]
+raise_when.success.at_least = 1.0
+trials = 50
+window = 1
+patience = 1
+grow = ["ball"]
+dimension = 1
+most_dimensions = 2
+"""
+
+
+def test_a_row_tells_how_far_a_curriculum_came_and_a_stopped_one_ends_alike(study_file, tmp_path):
+    path = tmp_path / "quick.toml"
+    path.write_text(QUICK + GROWING)
+    study_file.write_text(STUDY.replace('"search", ', "").replace("[200, 300]", "[300]"))
+    settings, kind = read_plan(str(study_file)).runs[0].settings, SkillRuns()
+    row = kind.run(settings, tmp_path / "whole", (), lambda: None)
+    told = json.loads((tmp_path / "whole" / "card.json").read_text())["curriculum"]
+    assert [row[name] for name in ("trials", "level", "dimension")] == [
+        told[n] for n in ("trials", "level", "dimension")
+    ]
+    assert row["met"] == int(told["met"])
+    assert row["states"] == 3 ** row["dimension"] + 2
+
+    def unwanted():
+        raise LeftError
+
+    for _ in range(3):
+        with pytest.raises(LeftError):
+            kind.run(settings, tmp_path / "stopped", (), unwanted)
+    assert kind.run(settings, tmp_path / "stopped", (), lambda: None) == row
+    names = {path.name for path in (tmp_path / "whole").iterdir()}
+    assert names == {"card.json", "levels.csv", "observations.csv", "recipe.toml", "skill.npz"}
+    for name in names:
+        assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+    path.write_text(QUICK + GROWING.replace("dimension = 1", "dimension = 1\nfirst = 7"))
+    with pytest.raises(InputError, match="first: expected a level from 0 to 1"):
+        read_plan(str(study_file))
+    path.write_text(QUICK + GROWING.replace("success", "sucess"))
+    with pytest.raises(InputError, match="nobody measures a rate 'sucess'"):
+        read_plan(str(study_file))

@@ -6,7 +6,6 @@ Intervals are 95 % ones by Student's t over sets; with one set there is none.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,9 @@ import numpy as np
 
 from analysis.chapter3_figures import contributions, errors_of_a_trial, figures, learning
 from analysis.chapter3_sets import KEYS, Method, read_methods, successes
-from analysis.charts import altair, chart_bytes
-from coevo.console import output_options, show, table
-from coevo.errors import InputError
-from coevo.statistics import mean_interval
+from analysis.charts import altair
+from analysis.written import Report, Rows, mean_words, write_report
+from coevo.console import output_options
 
 __all__ = ["report"]
 
@@ -34,16 +32,6 @@ _TRUTH = {  # Table 3.2: orders and histories, simulation, simulation, real
 }
 _REAL = {"E": {"shooting": "57/100", "passing": "30/100", "collisions": "25/100"}}
 _REAL["F"] = {"shooting": "32/50", "passing": "22/50", "collisions": "6/50"}
-Rows = list[list[str]]
-Report = dict[str, tuple[list[str], Rows]]  # name of a table: its header and rows
-
-
-def _interval(values: Sequence[float], *, least: float = 0.0, most: float = np.inf) -> str:
-    """Return the mean over sets with its interval, cut at what it can be; nothing of no set."""
-    if not len(values):
-        return ""
-    mean, low, high = mean_interval(values)
-    return f"{mean:.3f}" + (f" [{max(least, low):.3f}, {min(most, high):.3f}]" if len(values) > 1 else "")
 
 
 def _grouped(method: Method, part: str, keys: Sequence[str], value: str) -> dict[tuple[str, ...], list[float]]:
@@ -82,11 +70,11 @@ def other_world(methods: Sequence[Method]) -> Report:
             of_period = [t[p == period] for p, t in zip(method.periods, method.trials, strict=True)]
             if len(of_period[0]):
                 shares = [{key: float(v.mean()) for key, v in successes(t).items()} for t in of_period]
-                found = [_interval([one[key] for one in shares], most=1.0) for key in KEYS]
+                found = [mean_words([one[key] for one in shares], most=1.0) for key in KEYS]
                 rows.append([method.name, period, f"{len(of_period[0])}", *found])
         told = [one["periods"] for one in method.summaries if {"E", "F"} <= set(one.get("periods", {}))]
         if told:
-            gains = [_interval([one["F"][key] - one["E"][key] for one in told], least=-1.0, most=1.0) for key in KEYS]
+            gains = [mean_words([one["F"][key] - one["E"][key] for one in told], least=-1.0, most=1.0) for key in KEYS]
             rows.append([method.name, "F - E", "", *gains])
     real = [["dissertation", p, "", *(told[key] for key in KEYS)] for p, told in _REAL.items()]
     return {"table-3-3": (["method", "period", "trials a set", *KEYS], rows + real)}
@@ -100,9 +88,9 @@ def prediction(methods: Sequence[Method]) -> Report:
         keys = ("where", "robot", "object")
         relative = _grouped(method, "prediction_errors", (*keys, "orders"), "relative")
         for key, values in _grouped(method, "prediction_errors", (*keys, "orders"), "rms_px").items():
-            errors.append([method.name, *key, _interval(values), _interval(relative[key])])
+            errors.append([method.name, *key, mean_words(values), mean_words(relative[key])])
         for key, values in _grouped(method, "exchange", keys, "error_ratio").items():
-            exchanged.append([method.name, *key, _interval(values)])
+            exchanged.append([method.name, *key, mean_words(values)])
     who = ["method", "world", "observer", "target"]
     return {
         "figure-3-8": ([*who, "orders", "error of y [px]", "error / deviation of y"], errors),
@@ -119,7 +107,7 @@ def afterwards(methods: Sequence[Method]) -> Report:
         for robot in ("passer", "shooter"):
             parts[robot] = [one["nearer"][robot] for one in found if robot in one["nearer"]]
         for nearer, measured in parts.items():
-            shares = [_interval([one[key] for one in measured], most=1.0) for key in KEYS]
+            shares = [mean_words([one[key] for one in measured], most=1.0) for key in KEYS]
             rows.append([method.name, str(len(measured)), nearer, *shares])
     return {"afterwards": (["method", "sets", "nearer to the ball", *KEYS], rows)}
 
@@ -134,7 +122,7 @@ def differences(methods: Sequence[Method]) -> Report:
     for method in methods:
         pairs = [(mine[one["set"]], one["after"]) for one in method.summaries if one["set"] in mine]
         if method.name != _PROPOSED and pairs:
-            above = [_interval([one[key] - other[key] for one, other in pairs], least=-1.0) for key in KEYS]
+            above = [mean_words([one[key] - other[key] for one, other in pairs], least=-1.0) for key in KEYS]
             rows.append([f"{_PROPOSED} - {method.name}", str(len(pairs)), *above])
     return {"differences": (["methods", "sets", *KEYS], rows)}
 
@@ -148,7 +136,7 @@ def periods(methods: Sequence[Method]) -> Report:
                 continue
             of_period = [t[p == period] for p, t in zip(method.periods, method.trials, strict=True)]
             ends = [successes(trials[-max(1, len(trials) // 10) :]) for trials in of_period]
-            shares = [_interval([float(one[key].mean()) for one in ends], most=1.0) for key in KEYS]
+            shares = [mean_words([float(one[key].mean()) for one in ends], most=1.0) for key in KEYS]
             rows.append([method.name, period, *shares])
     return {"periods": (["method", "last tenth of", *KEYS], rows)}
 
@@ -168,7 +156,7 @@ def within(methods: Sequence[Method]) -> Report:
                 for key, found in changes.items():
                     shares = [float(row[key]) for row in mine]
                     found.append(float(np.mean(shares[-part:]) - np.mean(shares[:part])))
-            told = [_interval(found, least=-1.0, most=1.0) for found in changes.values()]
+            told = [mean_words(found, least=-1.0, most=1.0) for found in changes.values()]
             rows.append([method.name, period, *told])
     return {"within": (["method", "greedy policies, last less first fifth of", *KEYS], rows)}
 
@@ -213,20 +201,4 @@ def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> Non
         | orders(methods)
         | prediction(methods)
     )
-    everything = shown | _behind_figures(methods)
-    texts = [f"{name}\n{table(header, rows)}\n" for name, (header, rows) in shown.items() if rows]
-    pictures = {name: chart_bytes(chart, ".svg") for name, chart in figures(methods).items()}
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for name, (header, rows) in everything.items():
-            with (out / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
-                csv.writer(file, lineterminator="\n").writerows([header, *rows])
-        for name, picture in pictures.items():
-            (out / name).write_bytes(picture)
-    except OSError as error:
-        raise InputError(f"cannot write into {out}: {error.strerror or error}; choose another --out") from None
-    tables = {
-        name: [dict(zip(header, row, strict=True)) for row in rows] for name, (header, rows) in everything.items()
-    }
-    written = {"folder": str(out), "figures": sorted(pictures), "tables": tables}
-    show(written, "\n".join([*texts, f"Written: {out}"]), as_json=as_json)
+    write_report(out, shown, _behind_figures(methods), figures(methods), as_json=as_json)

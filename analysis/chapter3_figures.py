@@ -113,7 +113,8 @@ def line_chart(
     Args:
         table: tidy. x, y, by: its columns; a line each value of ``by``.
         titles: of the chart, of the x axis and of the y axis.
-        marks: places on the x axis where something begins, in a column of its name, and what it is in the next.
+        marks: places on the x axis where something begins, in a column of its name, and what it is in the next. Where a
+            column ``kind`` says ``axis``, lines are coloured, and words a line lower.
 
     Raises:
         InputError: altair is not installed.
@@ -139,10 +140,13 @@ def line_chart(
     if marks is not None and len(marks):
         place, name = marks.columns[:2]
         at = vega.X(f"{place}:Q", title=x_title)
-        base = vega.Chart(marks)
-        layers.append(base.mark_rule(color="#8c8c8c", strokeDash=[4, 3]).encode(x=at))
-        words = base.mark_text(align="left", baseline="bottom", dx=3, dy=-2, color="#666666")
-        layers.append(words.encode(x=at, y=vega.value(0), text=f"{name}:N"))
+        is_axis = marks["kind"] == "axis" if "kind" in marks else marks[place].isna()
+        for part, rule, word, down in ((~is_axis, "#8c8c8c", "#666666", -2), (is_axis, COLOURS[1], COLOURS[1], 12)):
+            if part.any():
+                base = vega.Chart(marks[part])
+                layers.append(base.mark_rule(color=rule, strokeDash=[4, 3]).encode(x=at))
+                words = base.mark_text(align="left", baseline="bottom", dx=3, dy=down, color=word)
+                layers.append(words.encode(x=at, y=vega.value(0), text=f"{name}:N"))
     whole = vega.layer(*layers).properties(title=vega.TitleParams(title, offset=18), **_SIZE)
     return cast("alt.LayerChart", whole)
 

@@ -60,6 +60,7 @@ PUBLIC = (
     "coevo.statistics.bootstrap_interval",
     "coevo.statistics.estimate",
     "coevo.statistics.mean_interval",
+    "coevo.statistics.median_interval",
     "coevo.statistics.paired_difference",
     "coevo.statistics.probability_of_improvement",
     "coevo.statistics.share_interval",

@@ -8,6 +8,7 @@ study may be killed at any instant, and all that is written follows from what th
 
 from __future__ import annotations
 
+import csv
 import json
 import secrets
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +25,7 @@ from coevo.study.plan import RECIPES, Plan, PlannedRun, StudySettings
 from coevo.study.registry import kind_named
 from coevo.study.sets import table_bytes
 
-__all__ = ["ROW", "STUDY", "StudyFolder", "check_folder", "open_study", "row_bytes"]
+__all__ = ["ROW", "STUDY", "StudyFolder", "check_folder", "finished_runs", "open_study", "row_bytes"]
 
 STUDY = "study.toml"
 ROW = "study.json"
@@ -40,6 +41,22 @@ def row_bytes(measured: Sequence[str], row: Mapping[str, Cell]) -> bytes:
         row: what it came to, by column.
     """
     return (json.dumps({"measured": list(measured), "row": row}, indent=2, allow_nan=False) + "\n").encode()
+
+
+def finished_runs(path: Path) -> list[tuple[Path, dict[str, str]]]:
+    """Return the folder of each finished run of a study, which may be under way, and its row of the table.
+
+    Raises:
+        InputError: there is none.
+    """
+    try:
+        with (path / _TABLE).open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, ValueError):
+        rows = []
+    if not rows or "run" not in rows[0]:
+        raise InputError(f"{path} holds no finished run of a study; run 'coevo study' first, or name its folder")
+    return [(path / row["run"], row) for row in rows]
 
 
 class StudyFolder:

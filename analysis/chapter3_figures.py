@@ -125,7 +125,7 @@ def line_chart(
     colours = [COLOURS[number % len(COLOURS)] for number in range(len(names))]
     legend = vega.Legend(title=None, symbolType="stroke", symbolSize=300, symbolOpacity=1, labelLimit=300)
     colour = vega.Color(f"{by}:N", scale=vega.Scale(domain=names, range=colours), legend=legend, sort=None)
-    whole_numbers = {"tickMinStep": 1, "format": ","} if pd.api.types.is_integer_dtype(table[x]) else {}
+    whole_numbers = {"tickMinStep": 1, "format": ",d"} if pd.api.types.is_integer_dtype(table[x]) else {}
     axis = vega.Axis(grid=False, tickCount=8, **whole_numbers)
     across = vega.X(f"{x}:Q", title=x_title, axis=axis, scale=vega.Scale(nice=False, zero=False))
 

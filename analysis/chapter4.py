@@ -13,6 +13,7 @@ from pathlib import Path
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.chapter4_compared import between_words, common, faster, geometric, needs, of_medians, ratios
 from analysis.chapter4_figures import figures, shares_met
@@ -22,7 +23,7 @@ from analysis.written import Report, Rows, mean_words, write_report
 from coevo.console import output_options
 from coevo.statistics import probability_of_improvement
 
-__all__ = ["comparisons", "levels", "periods", "report", "two_by_two"]
+__all__ = ["comparisons", "levels", "periods", "report", "two_by_two", "worlds"]
 
 MAIN = ("variable", "n4")  # the comparison that was named before the study was run
 _BASES = ("n4", "full-speed-n4")  # what every arm of the same world is compared with
@@ -35,13 +36,13 @@ def worlds(arms: Mapping[str, Sequence[Learned]]) -> dict[str, list[str]]:
     Example:
         >>> from analysis.chapter4 import worlds
         >>> worlds({name: [] for name in ("n4", "variable", "full-speed-n4", "noise-n4", "noise-variable")})
-        {'noise-': ['noise-n4', 'noise-variable'], '': ['n4', 'variable', 'full-speed-n4']}
+        {'': ['n4', 'variable', 'full-speed-n4'], 'noise-': ['noise-n4', 'noise-variable']}
     """
     bases = [name.removesuffix("n4") for name in arms if name.endswith("n4") and not name.endswith(f"{_FAST}n4")]
     found: dict[str, list[str]] = {prefix: [] for prefix in sorted({*bases, ""}, key=len, reverse=True)}
     for name in arms:
         found[next(prefix for prefix in found if name.startswith(prefix))].append(name)
-    return found
+    return dict(reversed(found.items()))
 
 
 def in_all(arms: Arms) -> Report:
@@ -119,11 +120,8 @@ def comparisons(arms: Arms) -> Report:
     for prefix, names in worlds(arms).items():
         for base in [prefix + name for name in _BASES if prefix + name in names]:
             for name in names:
-                if name != base and (name, base) != (f"{prefix}n4", f"{prefix}{_FAST}n4"):
+                if name != base:
                     rows.append(_compared(arms, name, base))
-        pair = (f"{prefix}n4", f"{prefix}{_FAST}n4")
-        if set(pair) <= set(names):
-            rows.append(_compared(arms, *pair))
     main = " / ".join(MAIN)
     return {"comparisons": (header, [row for row in sorted(rows, key=lambda row: row[0] != main) if row[1] != "0"])}
 
@@ -140,7 +138,7 @@ def _compared(arms: Arms, name: str, base: str) -> list[str]:
     return [*row, told["net"], told["steps"], share]
 
 
-def _mean(values: np.ndarray) -> str:
+def _mean(values: NDArray[np.float64]) -> str:
     mean = geometric(values)
     return "" if mean is None else "{:.2f} [{:.2f}, {:.2f}]".format(*mean)
 

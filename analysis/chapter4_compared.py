@@ -92,7 +92,7 @@ def between_words(value: Between, digits: int = 2) -> str:
     said = f"{least:,.{digits}f}"
     if least != most:
         upper = f"{most:,.{digits}f}"
-        said = f"{said} to {upper}" if 0.0 < least and most < np.inf else f"< {upper}" if most < np.inf else f"> {said}"
+        said = f"{said} to {upper}" if least > 0.0 and most < np.inf else f"< {upper}" if most < np.inf else f"> {said}"
     if (least, most) == (0.0, np.inf):
         said = "?"
     if (low, high) == (0.0, np.inf):

@@ -84,7 +84,7 @@ class Learned:
         sums = part.drop(columns=["level", "dimension"]).rolling(int(self.settings["window"])).sum().dropna()
         rates = sums["success"] / sums["trials"]
         first, best, last = (rates.iloc[0], rates.max(), rates.iloc[-1]) if len(rates) else (np.nan,) * 3
-        is_met = pd.Series(True, index=sums.index)  # noqa: FBT003 - of a column
+        is_met = pd.Series(True, index=sums.index)
         for name, criterion in self.settings["raise_when"].items():
             rate = sums[name] / sums["games" if name.startswith("greedy_") else "trials"]
             is_met &= rate.between(criterion.get("at_least", 0.0), criterion.get("at_most", 1.0))

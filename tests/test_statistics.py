@@ -24,6 +24,7 @@ from coevo.statistics import (
     bootstrap_interval,
     estimate,
     mean_interval,
+    median_interval,
     probability_of_improvement,
     share_interval,
 )
@@ -50,6 +51,18 @@ def test_of_two_values_the_interval_has_a_closed_form():
 @pytest.mark.parametrize("values", [[0.3], [0.0, 0.0, 0.0], np.array([2.5, 2.5])])
 def test_one_value_and_equal_values_are_their_own_interval(values):
     assert mean_interval(values) == (values[0],) * 3
+
+
+@pytest.mark.parametrize("count", range(1, 31))
+def test_the_interval_of_a_median_is_the_narrowest_that_holds_it_in_95_of_100_cases(count):
+    # Between the places r and n + 1 - r it lies unless fewer than r values are on one side of it, as of coins thrown.
+    covered_by = {
+        r: 1.0 - 2.0 * sum(math.comb(count, i) for i in range(r)) / 2**count for r in range(1, count // 2 + 1)
+    }
+    places = [r for r, share in covered_by.items() if share >= LEVEL]
+    values = np.random.default_rng(count).permutation(np.arange(1.0, count + 1.0))
+    expected = (max(places), count + 1 - max(places)) if places else (-math.inf, math.inf)
+    assert median_interval(values) == ((count + 1) / 2, *expected)
 
 
 def test_the_interval_holds_the_mean_in_95_of_100_cases():

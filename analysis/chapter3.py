@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
@@ -16,7 +15,7 @@ import numpy as np
 from analysis.chapter3_figures import contributions, errors_of_a_trial, figures, learning
 from analysis.chapter3_sets import KEYS, Method, read_methods, successes
 from analysis.charts import altair
-from analysis.written import Report, Rows, mean_words, write_report
+from analysis.written import Report, Rows, frame_table, mean_words, write_report
 from coevo.console import output_options
 
 __all__ = ["report"]
@@ -168,14 +167,7 @@ def _behind_figures(methods: Sequence[Method]) -> Report:
         "figure-3-9": contributions(methods),
         "figure-3-10": learning(methods),
     }
-    return {
-        name: ([str(column) for column in frame], [[_text(cell) for cell in row] for row in frame.to_numpy(object)])
-        for name, frame in frames.items()
-    }
-
-
-def _text(cell: Any) -> str:
-    return str(cell) if not isinstance(cell, float) else "" if np.isnan(cell) else f"{cell:.4f}"
+    return {name: frame_table(frame) for name, frame in frames.items()}
 
 
 @click.command()

@@ -19,7 +19,7 @@ from analysis.chapter4_compared import between_words, common, faster, geometric,
 from analysis.chapter4_figures import figures, shares_met
 from analysis.chapter4_runs import Arms, Learned, read_arms
 from analysis.charts import altair
-from analysis.written import Report, Rows, mean_words, write_report
+from analysis.written import Report, Rows, frame_table, mean_words, write_report
 from coevo.console import output_options
 from coevo.statistics import probability_of_improvement
 
@@ -128,13 +128,13 @@ def comparisons(arms: Arms) -> Report:
 
 def _compared(arms: Arms, name: str, base: str) -> list[str]:
     powers = {name: 1.0, base: -1.0}
-    pairs = common([arms[name], arms[base]])
-    if not pairs[0]:
+    mine, other = common([arms[name], arms[base]])
+    if not mine:
         return [f"{name} / {base}", "0"]
     found = {what: ratios(powers, arms, what) for what in ("trials", "net", "steps")}
     told = {what: between_words(of_medians(values)) for what, values in found.items()}
-    share = "{:.2f} [{:.2f}, {:.2f}]".format(*faster(*pairs))
-    row = [f"{name} / {base}", str(len(pairs[0])), told["trials"], _mean(found["trials"])]
+    share = "{:.2f} [{:.2f}, {:.2f}]".format(*faster(mine, other))
+    row = [f"{name} / {base}", str(len(mine)), told["trials"], _mean(found["trials"])]
     return [*row, told["net"], told["steps"], share]
 
 
@@ -198,6 +198,5 @@ def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> Non
     arms = read_arms(folder)
     parts = (in_all, comparisons, two_by_two, at_the_end, success, periods, levels)
     shown = {name: one for part in parts for name, one in part(arms).items()}
-    frame = shares_met(arms)
-    curves: Report = {"shares-met": (list(frame), [[str(cell) for cell in row] for row in frame.to_numpy(object)])}
+    curves: Report = {"shares-met": frame_table(shares_met(arms))}
     write_report(out or folder / "report", shown, curves, figures(arms), as_json=as_json)

@@ -40,8 +40,9 @@ def ratios(powers: Mapping[str, float], arms: Mapping[str, Sequence[Learned]], w
         arms: runs by the name of an arm.
         what: is compared; see ``Learned.needed``.
     """
-    found = np.zeros((len(common([arms[name] for name in powers])[0]), 2))
-    for (name, power), runs in zip(powers.items(), common([arms[name] for name in powers]), strict=True):
+    groups = common([arms[name] for name in powers])
+    found = np.zeros((len(groups[0]), 2))
+    for power, runs in zip(powers.values(), groups, strict=True):
         needed = np.maximum(needs(runs, what), 1.0)  # net of the floor there may be nothing left
         found += power * np.log(needed[:, :: 1 if power > 0 else -1])
     return np.exp(found)

@@ -20,7 +20,7 @@ _COMPARED = ("n4", "variable", "variable-from-2", "full-speed-n4", "full-speed-v
 
 
 def middle(runs: Sequence[Learned]) -> Learned:
-    """Return the run that needed as many trials as half of the others at most; of equal ones that of the lowest seed."""
+    """Return the run in the middle by the trials that runs needed, of two the faster."""
     ordered = sorted(runs, key=lambda run: (run.needed()[1], run.seed))
     return ordered[(len(ordered) - 1) // 2]
 

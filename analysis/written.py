@@ -5,9 +5,10 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from analysis.charts import chart_bytes
 from coevo.console import show, table
@@ -17,7 +18,7 @@ from coevo.statistics import mean_interval
 if TYPE_CHECKING:
     import altair as alt
 
-__all__ = ["Report", "Rows", "mean_words", "write_report"]
+__all__ = ["Report", "Rows", "frame_table", "mean_words", "write_report"]
 
 Rows = list[list[str]]
 Report = dict[str, tuple[list[str], Rows]]
@@ -36,6 +37,15 @@ def mean_words(values: Sequence[float], *, least: float = 0.0, most: float = np.
         return ""
     mean, low, high = mean_interval(values)
     return f"{mean:.3f}" + (f" [{max(least, low):.3f}, {min(most, high):.3f}]" if len(values) > 1 else "")
+
+
+def frame_table(frame: pd.DataFrame) -> tuple[list[str], Rows]:
+    """Return a table of pandas as header and rows, numbers with four digits after the point."""
+    return [str(column) for column in frame], [[_text(cell) for cell in row] for row in frame.to_numpy(object)]
+
+
+def _text(cell: Any) -> str:
+    return str(cell) if not isinstance(cell, float) else "" if np.isnan(cell) else f"{cell:.4f}"
 
 
 def write_report(

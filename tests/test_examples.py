@@ -31,10 +31,11 @@ PUBLIC = (
     "analysis.tournament.play.chosen_generations",
     "analysis.written.mean_words",
     "behaviors.coordination.isodata.isodata",
-    "behaviors.learning.evaluate",
     "behaviors.learning.learn",
     "behaviors.lpm.model.identify",
+    "behaviors.measuring.evaluate",
     "behaviors.recipe.read_recipe",
+    "behaviors.tabular.growing.origins",
     "coevo.complexity.Controller",
     "coevo.complexity.value_change",
     "coevo.complexity.values_at",
@@ -77,7 +78,7 @@ PUBLIC = (
     "coevo.tree.simplify.simplify",
     "coevo.tree.text.parse",
 )
-SLOW = {"behaviors.learning.evaluate", "behaviors.learning.learn"}  # they compile trials
+SLOW = {"behaviors.learning.learn", "behaviors.measuring.evaluate"}  # they compile trials
 FINDER = doctest.DocTestFinder(exclude_empty=True)
 
 

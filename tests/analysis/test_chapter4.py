@@ -42,10 +42,10 @@ COLUMNS = ("trial", "level", "dimension", "trials", "steps", *RATES, "games", *(
 class Study:
     """A folder of a study whose runs are made by the controller from given successes of each block."""
 
-    def __init__(self, path):
+    def __init__(self, path) -> None:
         self.path, self.rows = path, []
 
-    def add(self, arm, seed, successes, **changes):
+    def add(self, arm, seed, successes, **changes):  # noqa: ANN003 - settings of the curriculum
         controller = Controller(check(ComplexitySettings, {**CURRICULUM, **changes}, "mine"))
         blocks, events, seconds = [], [(0, "start", controller.level, controller.dimension, 0, 0.0)], 0.0
         for number, count in enumerate(successes, 1):
@@ -125,9 +125,7 @@ def test_levels_and_axes_are_told_where_they_were(study):
         ("2", "2", "2", "20", "70"),
         ("3", "2", "2", "90", "20"),
     ]
-    assert [row["success at first"] for row in table] == ["0.500 [0.500, 0.500]", "0.000 [0.000, 0.000]"] + [
-        "0.900 [0.900, 0.900]"
-    ]
+    assert [row["success at first"][:5] for row in table] == ["0.500", "0.000", "0.900"]
     assert periods(arms)["weak-critical-periods"][1] == [["variable", "1 to 2", "2 of 2", "2: 2", "70"]]
     marks = marks_of(arms["variable"][0])
     assert marks.to_numpy().tolist() == [[20, "2", "level"], [70, "n = 2", "axis"], [90, "3", "level"]]

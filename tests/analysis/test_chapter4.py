@@ -110,9 +110,10 @@ def test_greedy_rates_count_in_trials_of_their_own(study):
     path.write_text(path.read_text().replace("raise_when.success", "raise_when.greedy_success"))
     (run,) = read_arms(study.path)["variable"]
     assert math.isnan(run.met)  # no game was greedy
-    blocks = run.blocks.assign(games=20, greedy_success=10)
-    blocks.to_csv(study.path / "shooter-variable-seed0" / "observations.csv", index=False)
-    assert read_arms(study.path)["variable"][0].met == 60
+    for count, met in ((9, False), (10, True)):  # of 20 on each block of 10 trials; half of them is asked for
+        blocks = run.blocks.assign(games=20, greedy_success=count)
+        blocks.to_csv(study.path / "shooter-variable-seed0" / "observations.csv", index=False)
+        assert (read_arms(study.path)["variable"][0].met == 60) == met
 
 
 def test_levels_and_axes_are_told_where_they_were(study):

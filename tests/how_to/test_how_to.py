@@ -181,6 +181,21 @@ def test_study(follow, capsys):
     assert capsys.readouterr().out.split()[0] == "fixed"
 
 
+def test_variation(follow):
+    runs = {path.name: open_run(path) for path in (follow("variation.md") / "runs").iterdir()}
+    assert set(runs) == {"context", "steps", "short"}
+    assert trees(runs["context"]) == trees(runs["steps"]) == trees(runs["short"])  # only what is bred differs
+    bred = {name: run.individuals.query("generation > 0 and operator != 'elite'") for name, run in runs.items()}
+    assert not bred["context"].equals(bred["steps"])
+
+    short = runs["short"]
+    functions = {name: short.game.function_set(robot) for robot, name in short.evolving.items()}
+    for robot, generation in bred["short"].groupby(["robot", "generation"]).groups:
+        for rank, operator in enumerate(short.record(generation, robot)["operator"]):
+            tree = short.tree(robot, generation, rank)
+            assert operator == "elite" or simplify(tree, functions[robot]) == tree
+
+
 def test_watch(follow):
     folder = follow("watch.md")
     assert {path.name for path in folder.glob("*.html")} == {"again.html", "game.html", "search.html", "shoot.html"}

@@ -101,11 +101,15 @@ class GPSettings(Settings, frozen=True, kw_only=True):
     leaf_probability: Share = 0.1  # [C] of a crossover point, Koza (1992)
     # any: branches of each parent, wherever they are. same-context: reached by the same answers to the same questions.
     crossover_points: Literal["any", "same-context"] = "any"
-    # Small changes of each child, how many in the mean: leaves that choose anew, conditions put above a leaf (the other
-    # branch is a new leaf), and conditions in the place of others.
+    # Small changes of each child, how many in the mean: leaves that choose anew, conditions put above a leaf or branch
+    # (their other branch is a new leaf), and conditions in the place of others.
     changed_leaves: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
     inserted_conditions: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
     changed_conditions: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+    # The share of the first two whose place is where a walk from the root ends, not any leaf: it takes either branch
+    # with equal chance. One that looks for the place of a condition ends at each condition with a chance of walk_stop.
+    walked_changes: Share = 0.0
+    walk_stop: Share = 0.2
     simplify: bool = False  # each child is simplified, before its small changes: what a tree does stays the same
     variation: Literal["genetic", "random"] = "genetic"  # random: all but the elite made anew, as a control
     # Given trees by name of the role: they take the first places of its first population.

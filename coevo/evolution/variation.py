@@ -184,45 +184,72 @@ def _simplified(child: Individual, settings: GPSettings, functions: FunctionSet)
 
 
 def _in_small(child: Individual, settings: GPSettings, functions: FunctionSet) -> Individual:
-    """Return a child after its small changes: leaves that choose anew, questions put above leaves, others asked."""
+    """Return a child after its small changes: leaves that choose anew, questions put above branches, others asked."""
     rates = settings.changed_leaves, settings.inserted_conditions, settings.changed_conditions
     if not any(rates):
         return child
     leaves, insertions, conditions = (_poisson(rate) for rate in rates)
     terminals = [functions.nodes[code] for code in range(len(functions.functions), len(functions.names))]
     questions = [functions.nodes[code] for code in range(len(functions.functions))]
-    nodes: list[_Node] = list(child)
-    sources = list(child.origin.sources or ((0, k) for k in range(len(nodes))))
-
-    def replace(places: Sequence[int], by: Sequence[_Node]) -> None:
-        at, node = thread_random.choice(places), thread_random.choice(by)
-        if node.name != nodes[at].name:
-            nodes[at], sources[at] = node, NEW
-
+    changed = _Changed(child, settings)
     for _ in range(leaves):
-        replace([at for at, node in enumerate(nodes) if not node.arity], terminals)
+        changed.replace(changed.place(), terminals)
     for _ in range(insertions):
-        depths = _depths(nodes)
-        at = thread_random.choice([at for at, node in enumerate(nodes) if not node.arity])
-        question, other, first = (
-            thread_random.choice(questions),
-            thread_random.choice(terminals),
-            thread_random.random() < 0.5,
-        )
-        if depths[at] < settings.crossover_depth_max:
-            own, new = (nodes[at], sources[at]), (other, NEW)
-            branches = (own, new) if first else (new, own)
-            nodes[at : at + 1] = [question, *(node for node, _ in branches)]
-            sources[at : at + 1] = [NEW, *(source for _, source in branches)]
+        changed.insert(changed.place(settings.walk_stop), questions, terminals)
     for _ in range(conditions):
-        asked = [at for at, node in enumerate(nodes) if node.arity]
+        asked = [at for at, node in enumerate(changed.nodes) if node.arity]
         if asked:
-            replace(asked, questions)
+            changed.replace(thread_random.choice(asked), questions)
+    nodes, sources = changed.nodes, changed.sources
     if NEW not in sources:
         return child
     origin = child.origin
     operator = "mutation" if origin.operator == "reproduction" else origin.operator
     return Individual(nodes, origin._replace(operator=operator, sources=tuple(sources)))
+
+
+class _Changed:
+    """The nodes of a child, and where each came from, while it is changed in small."""
+
+    def __init__(self, child: Individual, settings: GPSettings) -> None:
+        self.nodes: list[_Node] = list(child)
+        self.sources = list(child.origin.sources or ((0, k) for k in range(len(self.nodes))))
+        self._settings = settings
+
+    def place(self, stop: float = 0.0) -> int:
+        """Return where to change something: at any leaf, or where a walk from the root ends."""
+        share = self._settings.walked_changes
+        if share and thread_random.random() < share:
+            return _walked(self.nodes, stop)
+        return int(thread_random.choice([at for at, node in enumerate(self.nodes) if not node.arity]))
+
+    def replace(self, at: int, by: Sequence[_Node]) -> None:
+        node = thread_random.choice(by)
+        if node.name != self.nodes[at].name:
+            self.nodes[at], self.sources[at] = node, NEW
+
+    def insert(self, at: int, questions: Sequence[_Node], terminals: Sequence[_Node]) -> None:
+        """Put a question above a branch, with a leaf as the other branch, if the limit of depth allows it."""
+        question, leaf = thread_random.choice(questions), thread_random.choice(terminals)
+        comes_first = thread_random.random() < 0.5
+        end = _ends(self.nodes)[at]
+        if max(_depths(self.nodes)[at:end]) < self._settings.crossover_depth_max:
+            own = list(zip(self.nodes[at:end], self.sources[at:end], strict=True))
+            branches = [*own, (leaf, NEW)] if comes_first else [(leaf, NEW), *own]
+            self.nodes[at:end] = [question, *(node for node, _ in branches)]
+            self.sources[at:end] = [NEW, *(source for _, source in branches)]
+
+
+def _walked(nodes: Sequence[_Node], stop: float) -> int:
+    """Return where a walk from the root ends that takes either branch with equal chance: at a leaf, or before it.
+
+    Most leaves of a tree are deep, and seldom or never reached; so a leaf is found about as often as it is used.
+    """
+    at = 0
+    ends = _ends(nodes)
+    while nodes[at].arity and not (stop and thread_random.random() < stop):
+        at = at + 1 if thread_random.random() < 0.5 else ends[at + 1]
+    return at
 
 
 def _depths(nodes: Sequence[_Node]) -> list[int]:

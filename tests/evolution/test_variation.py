@@ -144,10 +144,11 @@ def test_simplified_children_choose_what_they_would_have_chosen(trees, seed):
             assert chosen(one, answers)[0] == chosen(other, answers)[0]
 
 
-@given(tree=st.from_type(Tree), seed=seeds)
-def test_an_inserted_condition_leaves_all_else_as_it_was(tree, seed):
+@given(tree=st.from_type(Tree), walked=st.sampled_from([0.0, 0.5, 1.0]), seed=seeds)
+def test_an_inserted_condition_leaves_all_else_as_it_was(tree, walked, seed):
     parents, _ = parents_of([tree])
-    for child in children_of(parents, settings_of(inserted_conditions=1.0, crossover_depth_max=90), seed):
+    settings = settings_of(inserted_conditions=1.0, walked_changes=walked, crossover_depth_max=90)
+    for child in children_of(parents, settings, seed):
         sources = child.origin.sources or tuple((0, k) for k in range(len(child)))
         assert [place for _, place in sources if place >= 0] == list(range(len(tree)))
         for answers in any_answers(seed, 5):
@@ -180,9 +181,48 @@ def test_there_are_as_many_small_changes_as_a_poisson_distribution_says(change, 
     assert stats.chisquare(observed, expected).pvalue > UNLIKELY
 
 
-def test_conditions_are_not_inserted_below_the_limit():
+@pytest.mark.parametrize(
+    ("change", "stop"), [("changed_leaves", 0.2), ("inserted_conditions", 0.0), ("inserted_conditions", 0.3)]
+)
+def test_walks_end_as_often_as_coins_say(change, stop):
+    """In a chain of three conditions, a leaf at each side of it: half of the walks leave it at each of them."""
+    names = parse("IF_ball_is_left(shoot, IF_ball_is_right(pass, IF_ball_is_lost(avoid, search)))").names
+    parents, _ = parents_of([Tree(names)])
+    settings = settings_of(**{change: 0.2}, walked_changes=1.0, walk_stop=stop, population=2000)
+    ends = dict.fromkeys(range(len(names)), 0)
+    for child in children_of(parents, settings):
+        sources = child.origin.sources
+        if sources is None or sum(source == NEW for source in sources) != (2 if change == "inserted_conditions" else 1):
+            continue  # no change, or several of them
+        if change == "changed_leaves":
+            ends[sources.index(NEW)] += 1
+        else:
+            first, last = (k for k, source in enumerate(sources) if source == NEW)
+            ends[sources[first + 1][1] if last > first + 1 else sources[first + 2][1]] += 1
+    stop, expected, left = 0.0 if change == "changed_leaves" else stop, {}, 1.0
+    for at in (0, 2, 4):
+        expected[at], left = left * stop, left * (1.0 - stop)
+        expected[at + 1], left = left / 2, left / 2
+    expected[6] = left
+    likely = [at for at in expected if expected[at]]
+    assert not any(ends[at] for at in expected if at not in likely)
+    shares = np.array([expected[at] for at in likely])
+    observed = np.array([ends[at] for at in likely])
+    assert stats.chisquare(observed, shares * observed.sum()).pvalue > UNLIKELY
+
+
+def test_walks_of_none_draw_nothing():
     parents, _ = parents_of([parse("IF_ball_is_left(IF_ball_is_lost(shoot, pass), avoid)")])
-    children = children_of(parents, settings_of(inserted_conditions=3.0, crossover_depth_max=3, population=200))
+    ways = [settings_of(inserted_conditions=2.0, changed_leaves=1.0, walk_stop=stop) for stop in (0.0, 0.9)]
+    one, two = ([[node.name for node in child] for child in children_of(parents, way)] for way in ways)
+    assert one == two
+
+
+@pytest.mark.parametrize("walked", [0.0, 1.0])
+def test_conditions_are_not_inserted_below_the_limit(walked):
+    parents, _ = parents_of([parse("IF_ball_is_left(IF_ball_is_lost(shoot, pass), avoid)")])
+    settings = settings_of(inserted_conditions=3.0, walked_changes=walked, crossover_depth_max=3, population=200)
+    children = children_of(parents, settings)
     assert max(Tree(tuple(node.name for node in child)).depth for child in children) == 3
 
 

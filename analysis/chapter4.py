@@ -23,7 +23,7 @@ from analysis.written import Report, Rows, frame_table, mean_words, write_report
 from coevo.console import output_options
 from coevo.statistics import probability_of_improvement
 
-__all__ = ["beside_the_dissertation", "comparisons", "levels", "periods", "report", "two_by_two", "worlds"]
+__all__ = ["beside_the_dissertation", "comparisons", "held", "levels", "periods", "report", "two_by_two", "worlds"]
 
 MAIN = ("variable", "n4")  # the comparison that was named before the study was run
 _BASES = ("n4", "full-speed-n4")  # what every arm of the same world is compared with
@@ -98,6 +98,26 @@ def levels(arms: Arms) -> Report:
                 k = str(level + runs[0].lowest)
                 rows.append([name, k, str(len(came)), str(met), f"{after:,.0f}", f"{there:,.0f}", *told])
     return {"levels": ([*header, *(["collisions at last"] if collisions else [])], rows)}
+
+
+def held(arms: Arms) -> Report:
+    """Return up to which k the criteria were met, where collisions are minded: how many runs met them last where.
+
+    Medians of trials are until then, and of axes there were then; runs that never met them are under ``never``.
+    """
+    rows: Rows = []
+    for name, runs in arms.items():
+        if not all(run.minds_collisions for run in runs):
+            continue
+        last = [[stay for stay in run.stays if stay.met > 0][-1:] for run in runs]
+        found = [mine[0] for mine in last if mine]
+        where = Counter(stay.level + runs[0].lowest for stay in found)
+        told = [f"{k}: {count}" for k, count in sorted(where.items())]
+        told += [f"never: {len(runs) - len(found)}"] if len(found) < len(runs) else []
+        of = [[getattr(stay, key) for stay in found] for key in ("met", "dimension")]
+        said = [f"{np.median(values):,.0f}" if values else "" for values in of]
+        rows.append([name, str(len(runs)), ", ".join(told), *said])
+    return {"held": (["arm", "sets", "k: runs", "trials until then", "axes"], rows)} if rows else {}
 
 
 def beside_the_dissertation(arms: Arms) -> Report:
@@ -224,7 +244,7 @@ def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> Non
     del quiet  # it shows no progress
     altair()
     arms = read_arms(folder)
-    parts = (in_all, comparisons, two_by_two, beside_the_dissertation, at_the_end, success, periods, levels)
+    parts = (in_all, comparisons, two_by_two, held, beside_the_dissertation, at_the_end, success, periods, levels)
     shown = {name: one for part in parts for name, one in part(arms).items()}
     curves: Report = {"shares-met": frame_table(shares_met(arms))}
     write_report(out or folder / "report", shown, curves, figures(arms), as_json=as_json)

@@ -24,7 +24,17 @@ from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 from coevo.stage import RANDOM
 
-__all__ = ["Stretch", "align", "enough", "experience", "in_view", "make_model", "make_models", "model_of", "window_count"]
+__all__ = [
+    "Stretch",
+    "align",
+    "enough",
+    "experience",
+    "in_view",
+    "make_model",
+    "make_models",
+    "model_of",
+    "window_count",
+]
 
 Array = NDArray[np.float64]
 Stretch = tuple[Array, Array]

@@ -1,4 +1,4 @@
-"""Coordinated skills in a table that grows: against a table by hand, and what is chosen before and after, in any state."""
+"""Coordinated skills in a table that grows: against one built by hand, and what is chosen before and after."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def folder(tmp_path_factory):
     return path
 
 
-def recipe(folder, axes=1, *, dimension=1, whole=3, skill=None, learning=None, **curriculum):  # noqa: ANN003 - settings
+def recipe(folder, axes=1, *, dimension=1, whole=3, skill=None, learning=None, worth="values", **curriculum):  # noqa: ANN003 - settings
     avoid = skill or f"avoid-{axes}-{{seed}}.npz"
     data = {
         "name": "mine",
@@ -76,7 +76,11 @@ def recipe(folder, axes=1, *, dimension=1, whole=3, skill=None, learning=None, *
         "mover": {"kind": "ball-chaser"},
         "learning": {"check_every": 40, "check_games": 10, "check_from": 0.0, **(learning or {})},
         "world": WORLD,
-        "coordination": {"skills": [str(folder / "shoot-{seed}.npz"), str(folder / avoid)], "worth": "values"},
+        "coordination": {
+            "skills": [str(folder / "shoot-{seed}.npz"), str(folder / avoid)],
+            "worth": worth,
+            "steps_trials": 50,
+        },
         "curriculum": {
             "keys": [{"mover.speed": [0.0, 0.5, 1.0]}],
             "raise_when": {"success": {"at_least": 0.9}, "collisions": {"at_most": 0.1}},
@@ -190,7 +194,7 @@ def test_each_seed_has_skills_of_its_own(folder):
 
 
 def test_a_greedy_criterion_is_about_the_skills_in_their_areas(folder, monkeypatch):
-    mine = recipe(folder, raise_when={"greedy_success": {"at_least": 0.9}})
+    mine = recipe(folder, raise_when={"greedy_success": {"at_least": 0.9}}, worth="steps")
     learning, asked = Learning(mine, seed=0, trials=40), []
     measured = behaviors.learning.run_greedy
     monkeypatch.setattr(behaviors.learning, "run_greedy", lambda *of: asked.append(of[1]) or measured(*of))

@@ -85,9 +85,7 @@ def solo_scene(
         team, sees = int(recipe.task == "defend"), bool(played)
         target = _BALL_BODY if recipe.mover.kind == _AT_THE_BALL else 0
         mates = 0 if mate > 0 else -1
-        parts.append(
-            Part(STANDING, other, len(played), mate=mates, sees=sees, guesses=sees, team=team, target=target)
-        )
+        parts.append(Part(STANDING, other, len(played), mate=mates, sees=sees, guesses=sees, team=team, target=target))
     hold = recipe.experience.hold_min_steps, recipe.experience.hold_max_steps
     task = task_params(recipe, gathering=role == RANDOM)
     limits = event_params(recipe.world)

@@ -1,4 +1,4 @@
-"""Trials to each level and in all, arms against each other, and Figs. 4.5 and 4.6, from a study of chapter 4.
+"""Trials to each level and in all, arms against each other, and Figs. 4.5 to 4.9, from a study of chapter 4.
 
 Every finished run of the folder is read, so that a study under way can be looked at; tables are printed and written as
 CSV, figures as SVG, into ``report``. Runs of one seed have the same models and the same trials to begin with, so arms
@@ -23,11 +23,14 @@ from analysis.written import Report, Rows, frame_table, mean_words, write_report
 from coevo.console import output_options
 from coevo.statistics import probability_of_improvement
 
-__all__ = ["comparisons", "levels", "periods", "report", "two_by_two", "worlds"]
+__all__ = ["beside_the_dissertation", "comparisons", "held", "levels", "periods", "report", "two_by_two", "worlds"]
 
 MAIN = ("variable", "n4")  # the comparison that was named before the study was run
 _BASES = ("n4", "full-speed-n4")  # what every arm of the same world is compared with
 _FAST = "full-speed-"
+# What 4.5.2 gives for the defender with n = 4, by k: success and collisions. Its figure ends there.
+_TOLD = {("n4", 4): ("0.385", "0.147")}
+_TOLD_AT = (4, 10)  # k
 
 
 def worlds(arms: Mapping[str, Sequence[Learned]]) -> dict[str, list[str]]:
@@ -76,6 +79,7 @@ def levels(arms: Arms) -> Report:
     """Return what happened on each level: how many came there, and how many met the criteria and did not give up."""
     header = ["arm", "k", "came", "met", "after trials", "trials there", "success at first", "best", "at last"]
     rows: Rows = []
+    collisions = any(run.minds_collisions for runs in arms.values() for run in runs)
     for name, runs in arms.items():
         for level in range(max(run.top for run in runs) + 1):
             stays = [[stay for stay in run.stays if stay.level == level] for run in runs]
@@ -88,10 +92,53 @@ def levels(arms: Arms) -> Report:
                     [mine[0].first for mine in came],
                     [np.nanmax([stay.best for stay in mine] + [-1.0]) for mine in came],
                     [mine[-1].last for mine in came],
+                    *([[mine[-1].collisions for mine in came]] if collisions else []),
                 ]
                 told = [mean_words([rate for rate in one if rate >= 0.0], most=1.0) for one in rates]
-                rows.append([name, str(level + 1), str(len(came)), str(met), f"{after:,.0f}", f"{there:,.0f}", *told])
-    return {"levels": (header, rows)}
+                k = str(level + runs[0].lowest)
+                rows.append([name, k, str(len(came)), str(met), f"{after:,.0f}", f"{there:,.0f}", *told])
+    return {"levels": ([*header, *(["collisions at last"] if collisions else [])], rows)}
+
+
+def held(arms: Arms) -> Report:
+    """Return up to which k the criteria were met, where collisions are minded: how many runs met them last where.
+
+    Medians of trials are until then, and of axes there were then; runs that never met them are under ``never``.
+    """
+    rows: Rows = []
+    for name, runs in arms.items():
+        if not all(run.minds_collisions for run in runs):
+            continue
+        last = [[stay for stay in run.stays if stay.met > 0][-1:] for run in runs]
+        found = [mine[0] for mine in last if mine]
+        where = Counter(stay.level + runs[0].lowest for stay in found)
+        told = [f"{k}: {count}" for k, count in sorted(where.items())]
+        told += [f"never: {len(runs) - len(found)}"] if len(found) < len(runs) else []
+        of = [[getattr(stay, key) for stay in found] for key in ("met", "dimension")]
+        said = [f"{np.median(values):,.0f}" if values else "" for values in of]
+        rows.append([name, str(len(runs)), ", ".join(told), *said])
+    return {"held": (["arm", "sets", "k: runs", "trials until then", "axes"], rows)} if rows else {}
+
+
+def beside_the_dissertation(arms: Arms) -> Report:
+    """Return success and collisions at k = 4 and k = 10 where collisions are minded: over the last window there.
+
+    They are those of learning, with exploration, as in 4.5.2; runs that did not come so far are left out, and counted.
+    """
+    header = ["arm", "sets", "k", "came", "success", "collisions", "more collisions", "dissertation"]
+    rows: Rows = []
+    for name, runs in arms.items():
+        if not all(run.minds_collisions for run in runs):
+            continue
+        for k in _TOLD_AT:
+            stays = [[stay for stay in run.stays if stay.level + run.lowest == k] for run in runs]
+            ends = [mine[-1] for mine in stays if mine and mine[-1].last >= 0.0]
+            if ends:
+                told = [mean_words(one, most=1.0) for one in ([e.last for e in ends], [e.collisions for e in ends])]
+                more = f"{sum(end.collisions > end.last for end in ends)} of {len(ends)}"
+                theirs = " and ".join(_TOLD.get((name, k), ()))
+                rows.append([name, str(len(runs)), str(k), str(len(ends)), *told, more, theirs])
+    return {"success-and-collisions": (header, rows)} if rows else {}
 
 
 def periods(arms: Arms) -> Report:
@@ -99,7 +146,7 @@ def periods(arms: Arms) -> Report:
     rows: Rows = []
     for name, runs in arms.items():
         added = [
-            (int(event["dimension"]), int(event["level"]) + 1, int(event["trial"]))
+            (int(event["dimension"]), int(event["level"]) + run.lowest, int(event["trial"]))
             for run in runs
             for event in run.events
             if event["event"] == "axis_added"
@@ -192,11 +239,12 @@ def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> Non
 
     \b
     Example: coevo reproduce chapter4 runs/shooter-study
+             coevo reproduce chapter4 runs/defender-study
     """
     del quiet  # it shows no progress
     altair()
     arms = read_arms(folder)
-    parts = (in_all, comparisons, two_by_two, at_the_end, success, periods, levels)
+    parts = (in_all, comparisons, two_by_two, held, beside_the_dissertation, at_the_end, success, periods, levels)
     shown = {name: one for part in parts for name, one in part(arms).items()}
     curves: Report = {"shares-met": frame_table(shares_met(arms))}
     write_report(out or folder / "report", shown, curves, figures(arms), as_json=as_json)

@@ -1,4 +1,4 @@
-"""Figs. 4.5 and 4.6 of the dissertation, for each arm the run in the middle, and how soon sets came to the end."""
+"""Figs. 4.5 to 4.9 of the dissertation, for each arm the run in the middle, and how soon sets came to the end."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ if TYPE_CHECKING:
 
 __all__ = ["figures", "marks_of", "middle", "rates_of", "shares_met"]
 
-_NUMBERS = {"n1": "4.5", "n2": "4.5", "n3": "4.5", "n4": "4.5", "variable": "4.6"}  # of the figures of the dissertation
+# Of the figures of the dissertation: of the shooter, and of the defender, whose levels begin with k = 0.
+_NUMBERS = {
+    1: {"n1": "4.5", "n2": "4.5", "n3": "4.5", "n4": "4.5", "variable": "4.6"},
+    0: {"n1": "4.7", "n2": "4.7", "n3": "4.8", "n4": "4.8", "variable": "4.9"},
+}
 _COMPARED = ("n4", "variable", "variable-from-2", "full-speed-n4", "full-speed-variable", "full-speed-variable-from-2")
 
 
@@ -48,7 +52,7 @@ def marks_of(run: Learned) -> pd.DataFrame:
     rows = []
     for event in run.events:
         if event["event"] in ("raised", "lowered"):
-            rows.append((int(event["trial"]), str(int(event["level"]) + 1), "level"))
+            rows.append((int(event["trial"]), str(int(event["level"]) + run.lowest), "level"))
         if event["event"] == "axis_added":
             rows.append((int(event["trial"]), f"n = {event['dimension']}", "axis"))
     return pd.DataFrame(rows, columns=["trial", "name", "kind"])
@@ -76,9 +80,10 @@ def figures(arms: Arms) -> dict[str, alt.LayerChart]:
     found = {}
     for name, runs in arms.items():
         run = middle(runs)
-        figure = f"Fig. {_NUMBERS[name]}: " if name in _NUMBERS else ""
+        numbers = _NUMBERS[run.lowest]
+        figure = f"Fig. {numbers[name]}: " if name in numbers else ""
         about = f"{figure}{name}, seed {run.seed}; numbers above are k"
-        file = f"figure-{_NUMBERS.get(name, 'arm').replace('.', '-')}-{name}.svg"
+        file = f"figure-{numbers.get(name, 'arm').replace('.', '-')}-{name}.svg"
         titles = (about, "trial", "share of 100 trials" if run.settings["trials"] == 100 else "share of a block")
         found[file] = line_chart(rates_of(run), x="trial", y="share", by="what", titles=titles, marks=marks_of(run))
     chosen = [name for name in arms if name in _COMPARED] or list(arms)

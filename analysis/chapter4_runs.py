@@ -28,6 +28,7 @@ class Stay(NamedTuple):
     level, dimension: where.
     began, ended: how many trials had been run before it, and at its end.
     first, best, last: rate of success over a window: the first whole one, the best, the last; NaN if there was none.
+    collisions: their rate over the last window.
     met: after how many trials of all the criteria were met, NaN if they were not.
     """
 
@@ -38,6 +39,7 @@ class Stay(NamedTuple):
     first: float
     best: float
     last: float
+    collisions: float
     met: float
 
 
@@ -68,6 +70,16 @@ class Learned:
         return sum(len(next(iter(table.values()))) - 1 for table in self.settings["keys"])
 
     @property
+    def lowest(self) -> int:
+        """The k of the lowest level: the text counts them from 0 where nothing moves there, and else from 1."""
+        return int(next(iter(self.settings["keys"][0].values()))[0] != 0)
+
+    @property
+    def minds_collisions(self) -> bool:
+        """Whether a criterion is about collisions."""
+        return any(name.endswith("collisions") for name in self.settings["raise_when"])
+
+    @property
     def floor(self) -> int:
         """How many trials whoever meets the criteria in every window needs: a window a level."""
         levels = self.top + 1 - int(self.settings["first"])
@@ -84,13 +96,15 @@ class Learned:
         sums = part.drop(columns=["level", "dimension"]).rolling(int(self.settings["window"])).sum().dropna()
         rates = sums["success"] / sums["trials"]
         first, best, last = (rates.iloc[0], rates.max(), rates.iloc[-1]) if len(rates) else (np.nan,) * 3
+        collisions = (sums["collisions"] / sums["trials"]).iloc[-1] if len(rates) else np.nan
         is_met = pd.Series(True, index=sums.index)
         for name, criterion in self.settings["raise_when"].items():
             rate = sums[name] / sums["games" if name.startswith("greedy_") else "trials"]
             is_met &= rate.between(criterion.get("at_least", 0.0), criterion.get("at_most", 1.0))
         met = part["trial"][is_met[is_met].index].min()
         level, dimension, trial, trials = (int(part[key].iloc[0]) for key in ("level", "dimension", "trial", "trials"))
-        return Stay(level, dimension, trial - trials, int(part["trial"].iloc[-1]), first, best, last, float(met))
+        ended = int(part["trial"].iloc[-1])
+        return Stay(level, dimension, trial - trials, ended, first, best, last, float(collisions), float(met))
 
     @property
     def met(self) -> float:

@@ -144,9 +144,15 @@ class Curriculum:
     @property
     def models(self) -> Models:
         """Models with the axes that are there."""
-        return self._models(self.controller.dimension)
+        return self.models_of(self.controller.dimension)
 
-    def _models(self, dimension: int) -> Models:
+    @property
+    def first_dimension(self) -> int:
+        """How many axes there were at the start."""
+        return self._settings.dimension
+
+    def models_of(self, dimension: int) -> Models:
+        """Return models with so many of the axes that are added."""
         found = list(self.all_models)
         for number in {number for number, _ in self._order}:
             axes = [axis for one, axis in self._order[:dimension] if one == number]
@@ -188,14 +194,15 @@ class Curriculum:
         """Let the table of a learning, and the best of it, follow an event."""
         table = at.tables[0]
         if event.kind == "axis_added":
-            origin = self._origin(event.dimension)
+            origin = self.origin(event.dimension)
             at.best = [grown_values(values, table.rows, origin) for values in at.best]
             table = grown_table(table, origin, copy=self._settings.new_values == "copy")
         visits = np.floor(table.visits * self._settings.keep_visits).astype(np.int64)
         at.tables = [table._replace(visits=visits)]
 
-    def _origin(self, dimension: int) -> NDArray[np.int64]:
-        sizes = [(model.order, model.lost_states) for model in self._models(dimension - 1)]
+    def origin(self, dimension: int) -> NDArray[np.int64]:
+        """Return (states,) the state that each state of so many axes was with one axis less."""
+        sizes = [(model.order, model.lost_states) for model in self.models_of(dimension - 1)]
         return origins(sizes, self._order[dimension - 1][0])
 
     # ------------------------------------------------------------------------------------------------------- told

@@ -14,7 +14,7 @@ from behaviors.lpm import LocalPredictionModel, identify
 from behaviors.lpm.axes import simple_axes
 from behaviors.lpm.cva import lagged
 from behaviors.raw import raw_model
-from behaviors.recipe import ExperienceSettings, ModelSettings, Recipe
+from behaviors.recipe import ExperienceSettings, ModelSettings, Recipe, of_seed
 from behaviors.trials.minds import make_store
 from behaviors.trials.solo import no_start, provisional_skill, solo_scene
 from coevo.errors import InputError
@@ -24,7 +24,17 @@ from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 from coevo.stage import RANDOM
 
-__all__ = ["Stretch", "align", "enough", "experience", "in_view", "make_model", "make_models", "window_count"]
+__all__ = [
+    "Stretch",
+    "align",
+    "enough",
+    "experience",
+    "in_view",
+    "make_model",
+    "make_models",
+    "model_of",
+    "window_count",
+]
 
 Array = NDArray[np.float64]
 Stretch = tuple[Array, Array]
@@ -130,13 +140,23 @@ def make_models(recipe: Recipe, seed: int) -> tuple[ObjectModel, ...]:
     Raises:
         InputError: the experience is not enough for the settings of a model, or the other skill has none.
     """
-    given = {one.kind: _model_of(one.model_of, one.kind) for one in recipe.objects if one.model_of is not UNSET}
+    given = {one.kind: model_of(one.model_of, one.kind, seed) for one in recipe.objects if one.model_of is not UNSET}
     stretches = experience(recipe, seed) if len(given) < len(recipe.objects) else {}
     return tuple(given.get(one.kind) or _model(recipe, one, stretches[one.kind]) for one in recipe.objects)
 
 
-def _model_of(source: str, kind: str) -> ObjectModel:
-    skill = load_skill(source)
+def model_of(source: str, kind: str, seed: int) -> ObjectModel:
+    """Return the model that a skill has of an object.
+
+    Args:
+        source: the skill, see ``of_seed``.
+        kind: of the object.
+        seed: of the learning.
+
+    Raises:
+        InputError: there is no such skill, or it does not look at the object.
+    """
+    skill = load_skill(of_seed(source, seed))
     for model in skill.objects:
         if model.kind == kind:
             return model

@@ -13,12 +13,12 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from behaviors.checkpoint import parts_of, read_checkpoint, with_prefix, write_checkpoint
-from behaviors.coordination.relearning import coordinate
+from behaviors.coordination.relearning import Coordinated, coordinate, shared_models
 from behaviors.curriculum import GREEDY, RATES, Curriculum, check_curriculum
 from behaviors.experience import make_models
 from behaviors.measuring import Measured, evaluate, run_greedy, succeeded, warm_up, watch
 from behaviors.practice import Practice, Standing
-from behaviors.recipe import Recipe, plain_recipe, recipe_digest
+from behaviors.recipe import Recipe, of_seed, plain_recipe, recipe_digest
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import Table, make_table
 from behaviors.trials.kernels import Results
@@ -71,14 +71,14 @@ class Learning:
         """
         self._recipe, self._seed, self._trials = recipe, seed, trials
         levels = [] if recipe.curriculum is UNSET else self._checked_levels()
-        self._start = None if recipe.coordination is UNSET else coordinate(recipe, seed=seed)
         if kept is not None:
             self._models = kept.models
         else:
-            self._models = make_models(recipe, seed) if self._start is None else self._start.skill.objects
+            self._models = (make_models if recipe.coordination is UNSET else shared_models)(recipe, seed)
         self._curriculum = None if recipe.curriculum is UNSET else Curriculum(recipe, levels, self._models, seed)
         if self._curriculum is not None and kept is not None and kept.curriculum is not None:
             self._curriculum.restore(*kept.curriculum)
+        self._start = None if recipe.coordination is UNSET else self._coordinated()
         self._blank = self._blank_now()
         if kept is not None:
             table = kept.standing.tables[0]
@@ -108,6 +108,17 @@ class Learning:
             except InputError as error:
                 raise InputError(f"level {level} of curriculum.keys: {error}") from None
         return levels
+
+    def _coordinated(self) -> Coordinated:
+        """Return the recipe's skills put together, with the axes that there are."""
+        curriculum = self._curriculum
+        if curriculum is None:
+            return coordinate(self._recipe, seed=self._seed)
+        first = curriculum.first_dimension
+        start = coordinate(self._recipe, seed=self._seed, models=curriculum.models_of(first))
+        for dimension in range(first + 1, curriculum.controller.dimension + 1):
+            start = start.grown(curriculum.models_of(dimension), curriculum.origin(dimension))
+        return start
 
     def _blank_now(self) -> Skill:
         """Return what is learned, before anything is: with the axes that there are."""
@@ -181,7 +192,7 @@ class Learning:
         """Let the curriculum take note of a block of trials, and follow it."""
         counted, at, change = _counted(self._recipe, found.ends), self._practice.at, None
         if curriculum.asks_greedy:
-            now = dataclasses.replace(self._blank, values=self._practice.values_now()[0])
+            now = dataclasses.replace(self._blank, values=self._kept(self._practice.values_now()[0]))
             of = run_greedy(self._here, now, self._recipe.learning.check_games, self._seed, SkillStream.CHECK)
             counted |= {f"{GREEDY}{name}": count for name, count in _counted(self._recipe, of.outcomes).items()}
         if curriculum.asks_change:
@@ -197,6 +208,8 @@ class Learning:
             self._practice.end()
             return
         curriculum.outgrow(event, at)
+        if event.kind == "axis_added" and self._start is not None:
+            self._start = self._start.grown(curriculum.models, curriculum.origin(event.dimension))
         self._blank = self._blank_now()
         self._scene = self._scene_now(at.tables[0])
         self._practice.go_to(self._scene)
@@ -271,7 +284,8 @@ def _identity(recipe: Recipe, seed: int, trials: int) -> dict[str, Any]:
     """Return what decides the result of a learning."""
     plain: dict[str, Any] = msgspec.to_builtins(recipe)
     if recipe.coordination is not UNSET:
-        plain["coordination"]["digests"] = {source: load_skill(source).digest for source in recipe.coordination.skills}
+        sources = [of_seed(source, seed) for source in recipe.coordination.skills]
+        plain["coordination"]["digests"] = {source: load_skill(source).digest for source in sources}
     return {**plain, "seed": seed, "trials": trials}
 
 

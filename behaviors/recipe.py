@@ -41,6 +41,7 @@ __all__ = [
     "installed_recipes",
     "is_recipe_of",
     "named_recipes",
+    "of_seed",
     "plain_recipe",
     "read_recipe",
     "recipe_digest",
@@ -84,7 +85,7 @@ class ModelSettings(Settings, frozen=True, kw_only=True):
     # stands while it is; see coevo.skill.Skill.domain.
     needed: bool = False
     # Taken whole from this skill, an installed name or a path, instead of estimated: skills that share an object can be
-    # coordinated only if they see it through the same model.
+    # coordinated only if they see it through the same model. A path may hold {seed}, that of the learning.
     model_of: str | UnsetType = UNSET
 
     def __post_init__(self) -> None:
@@ -146,7 +147,8 @@ class LearningSettings(Settings, frozen=True, kw_only=True):
 class MoverSettings(Settings, frozen=True, kw_only=True):
     """What the other robot does."""
 
-    kind: Literal["none", "standing", "random", "chaser", "skill"] = "none"
+    # chaser: drives at the learner; ball-chaser: at the ball, as the defender of 4.5.2 does
+    kind: Literal["none", "standing", "random", "chaser", "skill", "ball-chaser"] = "none"
     skill: str | UnsetType = UNSET  # with kind "skill": what it plays, an installed name or a path
     speed: Share = 1.0  # of the maximum
     share_of_chasers: Share = 0.0  # with kind "random": share of trials in which it chases instead
@@ -160,7 +162,8 @@ class MoverSettings(Settings, frozen=True, kw_only=True):
 class CoordinationSettings(Settings, frozen=True, kw_only=True):
     """One skill from several that are learned already (appendix B.2); see behaviors.coordination.areas."""
 
-    skills: Annotated[tuple[str, ...], Meta(min_length=2, max_length=4)]  # installed names, or paths of skill files
+    # Installed names, or paths of skill files, in which {seed} is that of the learning.
+    skills: Annotated[tuple[str, ...], Meta(min_length=2, max_length=4)]
     areas: Literal["isodata", "none"] = "isodata"  # "none": all states are learned again
     # Where a skill that only avoids applies: where its values are highest, as (B.3) has it, or where they are lowest.
     avoid_where: Literal["value", "threat"] = "value"
@@ -249,8 +252,6 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
         unknown = [kind for kind in curriculum.grow if known.count(kind) != 1]
         if unknown:
             raise ValueError(f"curriculum.grow: expected objects that stand once in objects, got {unknown[0]!r}")
-        if curriculum.grow and self.coordination is not UNSET:
-            raise ValueError("curriculum.grow: with coordination the axes are those of the skills")
         if None not in orders and curriculum.most_dimensions > sum(order or 0 for order in orders):
             raise ValueError(
                 f"curriculum.most_dimensions: {' and '.join(curriculum.grow)} have"
@@ -295,6 +296,17 @@ def _leave_out(settings: Any, plain: Any, path: str) -> None:
     (field,) = (field for field in msgspec.structs.fields(settings) if field.name == name)
     if getattr(settings, name) == field.default:
         del plain[name]
+
+
+def of_seed(source: str, seed: int) -> str:
+    """Return where a skill is that a recipe names, with the seed of the learning in place of ``{seed}``.
+
+    Example:
+        >>> from behaviors.recipe import of_seed
+        >>> of_seed("runs/avoid-study/avoid-n4-seed{seed}/skill.npz", 3)
+        'runs/avoid-study/avoid-n4-seed3/skill.npz'
+    """
+    return source.replace("{seed}", str(seed))
 
 
 def recipe_digest(recipe: Recipe) -> str:

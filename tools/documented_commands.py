@@ -200,11 +200,20 @@ def _read_recipes(path: str, given: dict[str, Any]) -> None:
             read(str(ROOT / name) if is_path(name) else name, changes)
 
 
+def _read_study(name: str) -> None:
+    """Read a study; the skills that it needs of studies before it, in a folder of runs, need not be there."""
+    try:
+        read_plan(name)
+    except InputError as error:
+        if "there is no skill file runs/" not in str(error):
+            raise
+
+
 # The argument of a command that is the name of a recipe or a skill, and what reads it with settings replaced.
 _READERS: dict[str, tuple[str, Callable[[str, tuple[str, ...]], Any]]] = {
     "evolve": ("recipe", read_experiment),
     "learn": ("source", lambda name, _: read_recipe(name)),
-    "study": ("source", lambda name, _: read_plan(name)),
+    "study": ("source", lambda name, _: _read_study(name)),
     "skills evaluate": ("skill", lambda name, _: load_skill(name)),
     "skills watch": ("skill", lambda name, _: None if name.endswith(".npz") else load_skill(name)),
     "reproduce categories": ("recipes", read_experiment),

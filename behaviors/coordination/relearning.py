@@ -13,7 +13,9 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from behaviors.coordination.areas import RELEARN, Areas, Behaviour, areas_of, component, first_values, state_values
-from behaviors.recipe import Recipe
+from behaviors.experience import model_of
+from behaviors.recipe import ModelSettings, Recipe, of_seed
+from behaviors.tabular.growing import origins
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import Table, make_table
 from behaviors.trials.solo import no_start, solo_scene
@@ -24,7 +26,7 @@ from coevo.skill import ObjectModel, Skill, load_skill, make_bank
 from coevo.soccer.drive import action_set
 from coevo.stage import LEARNER
 
-__all__ = ["Coordinated", "coordinate", "expected_steps"]
+__all__ = ["Coordinated", "coordinate", "expected_steps", "shared_models"]
 
 Array = NDArray[np.float64]
 
@@ -62,6 +64,18 @@ class Coordinated:
         """
         return np.where(self.fixed[:, None], self.skill.values, values)
 
+    def grown(self, models: Sequence[ObjectModel], origin: NDArray[np.int64]) -> Coordinated:
+        """Return it after an object got an axis more: each state is what its origin was (4.3), and in its area.
+
+        Args:
+            models: with the axis.
+            origin: (new states,) see ``origins``.
+        """
+        first = np.unique(origin, return_index=True)[1]
+        areas = Areas(self.areas.area[origin], first[self.areas.kernels], self.areas.distance[origin])
+        skill = dataclasses.replace(self.skill, objects=tuple(models), values=self.skill.values[origin])
+        return dataclasses.replace(self, skill=skill, areas=areas, values=self.values[origin])
+
     @property
     def about(self) -> dict[str, Any]:
         """What a skill file tells of it."""
@@ -74,27 +88,22 @@ class Coordinated:
         return {**counted, "re-learning": int((self.areas.area == RELEARN).sum())}
 
 
-def coordinate(recipe: Recipe, *, seed: int) -> Coordinated:
+def coordinate(recipe: Recipe, *, seed: int, models: Sequence[ObjectModel] | None = None) -> Coordinated:
     """Put the recipe's skills together on the composite space and divide it into areas.
 
     Args:
         recipe: with ``coordination``.
-        seed: of the trials from which the steps to the goals are estimated.
+        seed: of the learning, and of the trials from which the steps to the goals are estimated.
+        models: of its objects; by default ``shared_models``, of which these may be the first axes.
 
     Raises:
         InputError: the skills do not fit the recipe or each other.
     """
     settings = recipe.coordination
     assert settings is not UNSET
-    skills = [load_skill(source) for source in settings.skills]
-    for skill in skills:
-        _check_actions(recipe, skill)
-    models = _shared_models(recipe, skills)
-    sizes, kinds = [model.states for model in models], [model.kind for model in models]
-    behaviours = [
-        _behaviour(recipe, skill, component(sizes, [kinds.index(model.kind) for model in skill.objects]), seed)
-        for skill in skills
-    ]
+    skills = _skills(recipe, seed)
+    models = shared_models(recipe, seed) if models is None else tuple(models)
+    behaviours = [_behaviour(recipe, skill, _own_states(models, skill), seed) for skill in skills]
     try:
         areas = areas_of(
             behaviours,
@@ -120,7 +129,7 @@ def coordinate(recipe: Recipe, *, seed: int) -> Coordinated:
         recipe.action.min_steps,
         recipe.action.max_steps,
     )
-    digests = {source: found.digest for source, found in zip(settings.skills, skills, strict=True)}
+    digests = {source: found.digest for source, found in zip(_sources(recipe, seed), skills, strict=True)}
     return Coordinated(skill, tuple(one.name for one in behaviours), digests, areas, values)
 
 
@@ -152,6 +161,43 @@ def expected_steps(recipe: Recipe, skill: Skill, *, trials: int, seed: int) -> A
     return scene.minds[0].table.values[:, 0]
 
 
+def _sources(recipe: Recipe, seed: int) -> list[str]:
+    assert recipe.coordination is not UNSET
+    return [of_seed(source, seed) for source in recipe.coordination.skills]
+
+
+def _skills(recipe: Recipe, seed: int) -> list[Skill]:
+    """Return the skills that a recipe puts together; those whose actions are not the recipe's are refused."""
+    skills = [load_skill(source) for source in _sources(recipe, seed)]
+    for skill in skills:
+        _check_actions(recipe, skill)
+    return skills
+
+
+def _own_states(models: Sequence[ObjectModel], skill: Skill) -> NDArray[np.int64]:
+    """Return (composite states,) the state that a skill is in, which may look at the first axes of an object only.
+
+    Raises:
+        InputError: it looks at more of them, or at others.
+    """
+    kinds = [model.kind for model in models]
+    places = [kinds.index(model.kind) for model in skill.objects]
+    found = component([model.states for model in models], places)
+    whole = [models[place] for place in places]
+    for n, own in enumerate(skill.objects):
+        if not _is_first_of(own, whole[n]):
+            raise InputError(
+                f"the skill {skill.name!r} looks at {own.order} axes of the {own.kind}, which are not the first of the"
+                f" {whole[n].order} that there are at the start; set curriculum.dimension and axis_order to its axes"
+            )
+    sizes = [(model.order, model.lost_states) for model in whole]
+    for n, own in enumerate(skill.objects):
+        while sizes[n][0] > own.order:
+            sizes[n] = (sizes[n][0] - 1, own.lost_states)
+            found = origins(sizes, n)[found]
+    return found
+
+
 def _behaviour(recipe: Recipe, skill: Skill, own_states: NDArray[np.int64], seed: int) -> Behaviour:
     """Return a skill as a behaviour of the composite space, its way to the goal measured in the recipe's world."""
     settings = recipe.coordination
@@ -177,13 +223,26 @@ def _check_actions(recipe: Recipe, skill: Skill) -> None:
         )
 
 
-def _shared_models(recipe: Recipe, skills: Sequence[Skill]) -> tuple[ObjectModel, ...]:
-    """Return one model for each object of the recipe, which all skills that look at it must share."""
+def shared_models(recipe: Recipe, seed: int) -> tuple[ObjectModel, ...]:
+    """Return one model for each object of the recipe, with all its axes: all skills that look at it must share them.
+
+    A skill may look at the first axes only. The model is that of ``model_of``, or of the skill with the most axes.
+
+    Args:
+        recipe: with ``coordination``.
+        seed: of the learning.
+
+    Raises:
+        InputError: skills look at an object through different models, or at other objects than the recipe.
+    """
     found: dict[str, tuple[str, ObjectModel]] = {}
+    skills = _skills(recipe, seed)
     for skill in skills:
         for model in skill.objects:
             name, first = found.setdefault(model.kind, (skill.name, model))
-            if not _same(first, model):
+            if _is_first_of(first, model):
+                found[model.kind] = (skill.name, model)
+            elif not _is_first_of(model, first):
                 raise InputError(
                     f"the skills {name!r} and {skill.name!r} look at the {model.kind} through different models, so"
                     f" their states differ; learn one of them with model_of = {name!r} for its {model.kind}"
@@ -193,9 +252,24 @@ def _shared_models(recipe: Recipe, skills: Sequence[Skill]) -> tuple[ObjectModel
         raise InputError(
             f"the recipe {recipe.name!r} lists the objects {', '.join(listed)}; its skills look at {', '.join(found)}"
         )
-    return tuple(found[kind][1] for kind in listed)
+    return tuple(_whole(one, *found[one.kind], seed) for one in recipe.objects)
 
 
-def _same(one: ObjectModel, other: ObjectModel) -> bool:
-    pairs = zip(dataclasses.astuple(one), dataclasses.astuple(other), strict=True)
+def _whole(settings: ModelSettings, name: str, shared: ObjectModel, seed: int) -> ObjectModel:
+    """Return the model of an object with all its axes, where the recipe says which it is."""
+    if settings.model_of is UNSET:
+        return shared
+    whole = model_of(settings.model_of, settings.kind, seed)
+    if not _is_first_of(shared, whole):
+        raise InputError(
+            f"the axes of the {settings.kind} of the skill {name!r} are not the first of those of the skill"
+            f" {of_seed(settings.model_of, seed)!r} (model_of), so their states differ"
+        )
+    return whole
+
+
+def _is_first_of(one: ObjectModel, whole: ObjectModel) -> bool:
+    """Tell whether a model is another with its first axes only, or all of them."""
+    cut = dataclasses.replace(whole, memory_matrix=whole.memory_matrix[: one.order])
+    pairs = zip(dataclasses.astuple(one), dataclasses.astuple(cut), strict=True)
     return all(np.array_equal(a, b) for a, b in pairs)

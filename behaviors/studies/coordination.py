@@ -13,7 +13,7 @@ import joblib
 import msgspec
 
 from behaviors.learning import evaluate, learn
-from behaviors.recipe import Recipe, read_recipe
+from behaviors.recipe import Recipe, of_seed, read_recipe
 from coevo.console import note, output_options, show, table
 from coevo.errors import InputError
 from coevo.seeds import StartsSeed
@@ -50,7 +50,7 @@ def _learned(recipe: Recipe, way: str, seed: int, games: int) -> dict[str, Any]:
     changes, granted = _WAYS[way]
     trials = recipe.trials
     if granted:
-        trials += sum(int(load_skill(source).about["trials"]) for source in recipe.coordination.skills)
+        trials += sum(int(load_skill(of_seed(source, seed)).about["trials"]) for source in recipe.coordination.skills)
     coordination = msgspec.structs.replace(recipe.coordination, **changes)
     recipe = msgspec.structs.replace(recipe, seed=seed, trials=trials, coordination=coordination)
     skill = learn(recipe)
@@ -59,7 +59,7 @@ def _learned(recipe: Recipe, way: str, seed: int, games: int) -> dict[str, Any]:
 
 def _alone(recipe: Recipe, games: int) -> dict[str, Any]:
     assert recipe.coordination is not msgspec.UNSET
-    skill = load_skill(recipe.coordination.skills[0])
+    skill = load_skill(of_seed(recipe.coordination.skills[0], recipe.seed))
     kinds = {model.kind for model in skill.objects}
     objects = tuple(model for model in recipe.objects if model.kind in kinds)
     task = msgspec.structs.replace(recipe, objects=objects, coordination=msgspec.UNSET)

@@ -15,7 +15,7 @@ from behaviors.curriculum import check_curriculum
 from behaviors.learned import CARD_GAMES, CHECKPOINT, SKILL, card_of, go_on, write_learned, writing
 from behaviors.learning import Learning, warm_up
 from behaviors.lpm import PersistentExcitationWarning
-from behaviors.recipe import Recipe, named_recipes
+from behaviors.recipe import Recipe, named_recipes, of_seed
 from behaviors.trials.kernels import run_trials
 from coevo.compiled import is_compiled
 from coevo.config import FileSettings, check
@@ -51,7 +51,7 @@ class SkillRuns:
             named += settings.coordination.skills
         for name in named:
             if name is not UNSET:
-                load_skill(name)
+                load_skill(of_seed(name, settings.seed))
         return []
 
     def warm_up(self, settings: FileSettings, tell: Callable[[str], None]) -> None:

@@ -23,6 +23,8 @@ from coevo.stage import RANDOM, STANDING
 
 __all__ = ["blank_skill", "blind_models", "no_start", "provisional_skill", "solo_scene", "task_params"]
 
+_BALL_BODY = 2  # after two robots
+_AT_THE_BALL = "ball-chaser"  # a chaser whose target is another
 _NOT_LEARNING = Learner(*([0.0] * len(Learner._fields)))  # type: ignore[arg-type]  # numbers of nothing
 
 
@@ -31,7 +33,7 @@ def task_params(recipe: Recipe, *, gathering: bool = False) -> TaskParams:
     return TaskParams(
         task=TASKS.index(recipe.task),
         in_view=recipe.starts == "in-view",
-        mover=MOVERS.index(recipe.mover.kind),
+        mover=MOVERS.index("chaser" if recipe.mover.kind == _AT_THE_BALL else recipe.mover.kind),
         mover_speed=recipe.mover.speed,
         chaser_share=recipe.mover.share_of_chasers,
         chaser_speed=recipe.mover.chaser_speed,
@@ -81,7 +83,9 @@ def solo_scene(
     if recipe.mover.kind != "none":
         other = Mind(_NOT_LEARNING, make_table(1, table.values.shape[1]))  # tables of a scene are of one width
         team, sees = int(recipe.task == "defend"), bool(played)
-        parts.append(Part(STANDING, other, len(played), mate=0 if mate > 0 else -1, sees=sees, guesses=sees, team=team))
+        target = _BALL_BODY if recipe.mover.kind == _AT_THE_BALL else 0
+        mates = 0 if mate > 0 else -1
+        parts.append(Part(STANDING, other, len(played), mate=mates, sees=sees, guesses=sees, team=team, target=target))
     hold = recipe.experience.hold_min_steps, recipe.experience.hold_max_steps
     task = task_params(recipe, gathering=role == RANDOM)
     limits = event_params(recipe.world)

@@ -13,7 +13,7 @@ import pytest
 import tomli_w
 from click.testing import CliRunner
 
-from analysis.chapter4 import comparisons, levels, periods, report, two_by_two
+from analysis.chapter4 import beside_the_dissertation, comparisons, held, levels, periods, report, two_by_two
 from analysis.chapter4_compared import between_words, faster, of_medians, ratios
 from analysis.chapter4_figures import marks_of, middle, shares_met
 from analysis.chapter4_runs import read_arms
@@ -45,14 +45,15 @@ class Study:
     def __init__(self, path) -> None:
         self.path, self.rows = path, []
 
-    def add(self, arm, seed, successes, **changes):  # noqa: ANN003 - settings of the curriculum
+    def add(self, arm, seed, successes, collided=(), **changes):  # noqa: ANN003 - settings of the curriculum
         controller = Controller(check(ComplexitySettings, {**CURRICULUM, **changes}, "mine"))
         blocks, events, seconds = [], [(0, "start", controller.level, controller.dimension, 0, 0.0)], 0.0
         for number, count in enumerate(successes, 1):
-            seconds += STEPS * STEP_S[controller.level]
+            seconds += STEPS * STEP_S[controller.level % len(STEP_S)]
             at = (TRIALS * number, controller.level, controller.dimension, TRIALS, STEPS)
-            blocks.append((*at, count, 0, 0, TRIALS - count, 0, 0, 0, 0, 0))
-            event = controller.observe({"success": (count, TRIALS)})
+            hits = collided[number - 1] if collided else 0
+            blocks.append((*at, count, hits, 0, TRIALS - count - hits, 0, 0, 0, 0, 0))
+            event = controller.observe({"success": (count, TRIALS), "collisions": (hits, TRIALS)})
             if event:
                 told = (event.kind, event.level, event.dimension)
                 events.append((TRIALS * number, *told, STEPS * number, seconds))
@@ -130,6 +131,49 @@ def test_levels_and_axes_are_told_where_they_were(study):
     assert periods(arms)["weak-critical-periods"][1] == [["variable", "1 to 2", "2 of 2", "2: 2", "70"]]
     marks = marks_of(arms["variable"][0])
     assert marks.to_numpy().tolist() == [[20, "2", "level"], [70, "n = 2", "axis"], [90, "3", "level"]]
+
+
+DEFENDER = {
+    "keys": [{"mover.speed": [k / 10 for k in range(11)]}],
+    "raise_when": {"success": {"at_least": 0.5}, "collisions": {"at_most": 0.1}},
+    "window": 1,
+}
+
+
+def test_the_defender_is_told_with_collisions_and_its_levels_count_from_zero(study):
+    # A block a level; at k = 4 two, the first of which has too many collisions, and at k = 10 too.
+    hits = [0, 1, 0, 0, 4, 1, 0, 0, 0, 0, 0, 6, 1]
+    study.add("n4", 0, [5, 6, 7, 8, 6, 5, 9, 9, 9, 9, 9, 2, 8], hits, **DEFENDER)
+    study.add("n4", 1, [5, 5, 5, 5, 3, 2, 2], [0, 0, 0, 0, 5, 4, 3], **DEFENDER)
+    arms = read_arms(study.path)
+    assert arms["n4"][0].met == 130
+    assert math.isnan(arms["n4"][1].met)
+    header, rows = levels(arms)["levels"]
+    told = [dict(zip(header, row, strict=True)) for row in rows]
+    assert [row["k"] for row in told] == [str(k) for k in range(11)]
+    assert [(row["came"], row["met"]) for row in told[3:6]] == [("2", "2"), ("2", "1"), ("1", "1")]
+    assert told[10]["collisions at last"] == "0.100"
+    header, (row,) = held(arms)["held"]
+    told = dict(zip(header, row, strict=True))
+    assert (told["k: runs"], told["trials until then"]) == ("3: 1, 10: 1", "85")  # after 40 and 130
+    header, rows = beside_the_dissertation(arms)["success-and-collisions"]
+    four, ten = (dict(zip(header, row, strict=True)) for row in rows)
+    assert (four["k"], four["came"], four["success"][:5], four["collisions"][:5]) == ("4", "2", "0.350", "0.200")
+    assert (four["more collisions"], four["dissertation"]) == ("1 of 2", "0.385 and 0.147")
+    assert (ten["k"], ten["came"], ten["success"], ten["collisions"]) == ("10", "1", "0.800", "0.100")
+    assert marks_of(arms["n4"][0])["name"].tolist() == [str(k) for k in range(1, 11)]
+    said = CliRunner().invoke(report, [str(study.path)], catch_exceptions=False)
+    assert said.exit_code == 0
+    words = (study.path / "report" / "figure-4-8-n4.svg").read_text()
+    assert "collisions" in words
+    assert "success" in words
+
+
+def test_of_the_shooter_nothing_is_told_about_collisions(study):
+    study.add("n4", 0, BLOCKS)
+    arms = read_arms(study.path)
+    assert beside_the_dissertation(arms) == held(arms) == {}
+    assert "collisions at last" not in levels(arms)["levels"][0]
 
 
 def test_the_2_x_2_finds_the_factors_that_it_was_made_of(study):

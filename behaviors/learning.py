@@ -85,7 +85,9 @@ class Learning:
         elif self._start is not None:
             table = self._start.table()
         else:
-            table = make_table(*self._blank.values.shape, sparse=recipe.learning.storage == "sparse")
+            channels = 0 if recipe.reward is UNSET else len(recipe.reward.channels)
+            sparse = recipe.learning.storage == "sparse"
+            table = make_table(*self._blank.values.shape, sparse=sparse, channels=channels)
         self._scene = self._scene_now(table)
         self._practice = Practice(
             self._scene,

@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviors.actor_critic.updates import learn_backwards, learn_step
 from behaviors.tabular.decisions import decide, end_decisions
 from behaviors.tabular.table import row_of
 from behaviors.trials.informed import informed_action
-from behaviors.trials.minds import Minds, decisions_of, learner_of, table_of
+from behaviors.trials.minds import Minds, decisions_of, learner_of, outlook_of, table_of
 from behaviors.trials.starts import start_one, start_two
 from behaviors.trials.task import AVOID, CHANNELS, DEFEND, FAILURE, PASS_AND_SHOOT, SUCCESS, Tally, TaskParams, judge
 from coevo.compiled import borrowed, entry, helper, inlined
@@ -54,12 +55,15 @@ class Results(NamedTuple):
 
     ends: GOING (time ran out), SUCCESS, FAILURE, COLLISION or STRAY_GOAL. passes, steps: how many.
     nearer: of a task of two, the robot that started nearer to the ball.
+    kicks, collisions: of robot 0, steps of contact with the ball and how often it ran into another robot.
     """
 
     ends: NDArray[np.int64]
     passes: NDArray[np.int64]
     steps: NDArray[np.int64]
     nearer: NDArray[np.int64]
+    kicks: NDArray[np.int64]
+    collisions: NDArray[np.int64]
 
 
 @inlined
@@ -109,6 +113,7 @@ def _cast_other(trial: Trial, rng: NDArray[np.uint64]) -> None:
     chases = uniform(rng) < task.chaser_share
     if roles.role.shape[0] > 1:
         roles.role[1], roles.share[1] = STANDING, task.mover_speed
+        roles.target[1] = roles.role.shape[0] if task.chases_ball else 0
         if task.mover == _CHASES:
             roles.role[1] = CHASER
         elif chases:
@@ -133,6 +138,7 @@ def _begin(trial: Trial, number: int, total: int, rng: NDArray[np.uint64]) -> bo
     if is_taping(trial.tape):
         record_state(trial.tape, trial.stage, 0)
     tally.trial[0], tally.passes[0], tally.lost_for[0] = number, 0, 0
+    tally.touched[0], tally.collisions[0] = 0, 0
     for robot in range(trial.stage.roles.role.shape[0]):
         learner = learner_of(minds, robot)
         minds.epsilon[robot] = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * trial.progress[0]
@@ -164,6 +170,29 @@ def _see(trial: Trial, time: int, rng: NDArray[np.uint64]) -> None:
         _keep(trial)
 
 
+@helper
+def _learn_last(trial: Trial, robot: int, following: int) -> None:
+    """Let actor and critic learn from the newest decision, which led to a row, or with -1 to the end."""
+    decisions, minds = decisions_of(trial.minds, robot), trial.minds
+    k = decisions.made[0] - 1
+    if k >= 0:
+        row, action, length = decisions.rows[k], decisions.actions[k], decisions.lengths[k]
+        learner, table, outlook = learner_of(minds, robot), table_of(minds, robot), outlook_of(minds, robot)
+        learn_step(learner, table, outlook, k, row, action, length, following)
+
+
+@helper
+def _earn(trial: Trial, robot: int, decision: int, channel: int) -> None:
+    """Give a robot that learns by several rewards what it earns for an event."""
+    minds = trial.minds
+    if minds.criteria.once[robot, channel] and minds.paid[robot, channel]:
+        return
+    minds.paid[robot, channel] = True
+    amount = trial.tally.rewards[robot, channel]
+    for n in range(minds.criteria.credits.shape[1]):
+        minds.outlook.earned[robot, decision, n] += minds.criteria.credits[robot, n, channel] * amount
+
+
 @inlined
 def _choose(trial: Trial, robot: int, time: int, rng: NDArray[np.uint64]) -> int:
     """Return the action of a robot that learns, or acts by what it has learned: the one under way, or a new one."""
@@ -182,6 +211,11 @@ def _choose(trial: Trial, robot: int, time: int, rng: NDArray[np.uint64]) -> int
                 old = int(bank.policy[bank.first[reused] + state_of_skill(stage, robot, reused, time)])
             learner, table, decisions = learner_of(minds, robot), table_of(minds, robot), decisions_of(minds, robot)
             epsilon = minds.epsilon[robot]
+            if learner.actor_critic:
+                minds.paid[robot].fill(False)
+                minds.outlook.earned[robot, decisions.made[0]].fill(0.0)
+                if learner.one_step:
+                    _learn_last(trial, robot, row_of(table, now))
             action = decide(learner, table, decisions, now, known, old, epsilon, trial.progress[0], rng)
         elif not learning and minds.epsilon[robot] > 0.0 and uniform(rng) < minds.epsilon[robot]:
             action = below(rng, stage.drive.codes.shape[0])
@@ -228,6 +262,7 @@ def _judge(trial: Trial, _time: int) -> int:
                 if last >= 0 and rewards[robot, channel] != 0.0:  # before its first decision nothing is its doing
                     earned = minds.rewards[robot, channel] * rewards[robot, channel]
                     minds.decisions.rewards[robot, last] += earned
+                    _earn(trial, robot, last, channel)
     if task.gathering:
         return _judge_gathering(trial, ends)
     return ends
@@ -253,7 +288,14 @@ def _end(trial: Trial, ends: int, time: int) -> None:
             if ends == GOING:
                 last = row_of(table, state_of_skill(stage, robot, stage.roles.skill[robot], time))
             learner, decisions = learner_of(minds, robot), decisions_of(minds, robot)
-            end_decisions(learner, table, decisions, last, ends not in (GOING, SUCCESS))
+            if not learner.actor_critic:
+                end_decisions(learner, table, decisions, last, ends not in (GOING, SUCCESS))
+            elif learner.one_step:
+                _learn_last(trial, robot, last)
+            else:
+                rows, actions, lengths = decisions.rows, decisions.actions, decisions.lengths
+                outlook, count = outlook_of(minds, robot), decisions.made[0]
+                learn_backwards(learner, table, outlook, rows, actions, lengths, count, last)
 
 
 @entry
@@ -286,6 +328,8 @@ def run_trials(
         _end(trial, ends, time)
         results.ends[n], results.passes[n], results.steps[n] = ends, tally.passes[0], time
         results.nearer[n] = tally.nearer[0]
+        results.kicks[n] = trial.stage.events.kicks[0]
+        results.collisions[n] = trial.stage.events.collisions[0]
         if trial.task.gathering and store.written[0, 0] >= store.trial.shape[1]:
             return n + 1
     return int(seeds.shape[0])

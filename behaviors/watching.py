@@ -33,7 +33,7 @@ _SPARED = {"avoid": "collision", "defend": "goal"}
 _ENDINGS = {
     FAILURE: "a goal that does not count, or out of the field",
     COLLISION: "collision",
-    STRAY_GOAL: "goal, but not by the shooter",
+    STRAY_GOAL: "goal, but not by the shooter",  # or whoever learns to shoot
 }
 
 

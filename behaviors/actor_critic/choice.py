@@ -27,7 +27,7 @@ def _add_standardised(preferences: NDArray[np.float64], n: int, tolerance: float
         return
     variance = 0.0
     for a in range(actions):
-        variance += (preferences[a, n] - mean) ** 2 / actions
+        variance += (preferences[a, n] - mean) * (preferences[a, n] - mean) / actions
     for a in range(actions):
         scores[a] += (preferences[a, n] - mean) / math.sqrt(variance)
 
@@ -35,7 +35,9 @@ def _add_standardised(preferences: NDArray[np.float64], n: int, tolerance: float
 @helper
 def _add_votes(preferences: NDArray[np.float64], n: int, tolerance: float, scores: NDArray[np.float64]) -> None:
     """Give a channel's vote to its best action (5.11), and to all within the tolerance of it."""
-    best = preferences[:, n].max()
+    best = preferences[0, n]
+    for a in range(preferences.shape[0]):
+        best = max(best, preferences[a, n])
     for a in range(preferences.shape[0]):
         if preferences[a, n] >= best - tolerance:
             scores[a] += 1.0
@@ -72,7 +74,8 @@ def score(
         scores: filled.
     """
     actions, channels = preferences.shape
-    scores.fill(0.0)
+    for a in range(actions):
+        scores[a] = 0.0
     if choice == PRIORITY:
         _filter(preferences, tolerances, scores)
         return
@@ -81,7 +84,9 @@ def score(
             _add_standardised(preferences, n, tolerances[n], scores)
         if choice == SUM:
             return
-        low, high = scores.min(), scores.max()
+        low, high = scores[0], scores[0]
+        for a in range(actions):
+            low, high = min(low, scores[a]), max(high, scores[a])
         for a in range(actions):  # less than a vote
             scores[a] = 0.5 * (scores[a] - low) / (high - low) if high > low else 0.0
     for n in range(channels):

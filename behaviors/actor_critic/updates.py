@@ -8,26 +8,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviors.actor_critic.choice import score
+from behaviors.tabular.decisions import Decisions
 from behaviors.tabular.qlearning import Learner
 from behaviors.tabular.table import Table
 from coevo.compiled import helper
 
-__all__ = ["Outlook", "learn_backwards", "learn_step"]
+__all__ = ["Outlook", "earn", "earn_nothing", "learn_backwards"]
 
 
 class Outlook(NamedTuple):
-    """What one robot earned in a trial, and how it looks ahead.
+    """What one robot earns by several rewards, and how it looks ahead.
 
-    earned: (room, channels) float64, of each decision. discounts: (lengths, channels, channels) float64, Gamma to the
-        power that an action of each length [steps] has.
-    tolerances: (channels,) float64, see ``behaviors.reward``. ahead, target: (channels,) float64, scratch.
+    credits: (channels, events) float64, what each channel earns for each event of the task. once: (events,) bool,
+        whether an event counts once an action; paid: (events,) bool, whether it was counted in the one under way.
+    earned: (room, channels) float64, of each decision of a trial. discounts: (lengths, channels, channels) float64,
+        Gamma to the power that an action of each length [steps] has.
+    tolerances: (channels,) float64, see ``behaviors.reward``. scratch: (2, channels) float64.
     """
 
+    credits: NDArray[np.float64]
+    once: NDArray[np.bool_]
+    paid: NDArray[np.bool_]
     earned: NDArray[np.float64]
     discounts: NDArray[np.float64]
     tolerances: NDArray[np.float64]
-    ahead: NDArray[np.float64]
-    target: NDArray[np.float64]
+    scratch: NDArray[np.float64]
+
+
+@helper
+def earn(outlook: Outlook, robot: int, decision: int, event: int, amount: float) -> None:
+    """Add what an event brings to what a decision of a robot has earned, ``outlook`` being that of all robots."""
+    if not (outlook.once[robot, event] and outlook.paid[robot, event]):
+        outlook.paid[robot, event] = True
+        for n in range(outlook.earned.shape[2]):
+            outlook.earned[robot, decision, n] += outlook.credits[robot, n, event] * amount
+
+
+@helper
+def earn_nothing(outlook: Outlook, robot: int, decision: int) -> None:
+    """Begin a decision of a robot, ``outlook`` being that of all robots."""
+    for event in range(outlook.paid.shape[1]):
+        outlook.paid[robot, event] = False
+    for n in range(outlook.earned.shape[2]):
+        outlook.earned[robot, decision, n] = 0.0
 
 
 @helper
@@ -39,36 +62,29 @@ def _rate(learner: Learner, start: float, visits: int) -> float:
 
 
 @helper
-def _take_in(learner: Learner, table: Table, outlook: Outlook, row: int, action: int) -> None:
-    """Move the critic of a row, and the actor of a row and action, by how far ``outlook.target`` is from the critic."""
-    alpha = _rate(learner, learner.alpha, table.visits[row].sum())
+def _take_in(
+    learner: Learner,
+    table: Table,
+    tolerances: NDArray[np.float64],
+    row: int,
+    action: int,
+    target: NDArray[np.float64],
+) -> None:
+    """Move the critic of a row, and the actor of a row and action, by how far the critic is from its target."""
+    visits = 0
+    for a in range(table.visits.shape[1]):
+        visits += table.visits[row, a]
+    alpha = _rate(learner, learner.alpha, visits)
     beta = _rate(learner, learner.beta, table.visits[row, action])
-    for n in range(outlook.target.shape[0]):
-        error = outlook.target[n] - table.critic[row, n]  # (5.7), or the advantage of a lambda-return
+    for n in range(target.shape[0]):
+        error = target[n] - table.critic[row, n]  # (5.7), or the advantage of a lambda-return
         table.critic[row, n] += alpha * error  # (5.8)
         if learner.literal:
             table.actor[row, action, n] += beta * error  # (5.9)
         else:
             table.actor[row, action, n] += beta * (error - table.actor[row, action, n])
     table.visits[row, action] += 1
-    score(learner.choice, table.actor[row], outlook.tolerances, table.values[row])
-
-
-@helper
-def learn_step(
-    learner: Learner, table: Table, outlook: Outlook, k: int, row: int, action: int, length: int, following: int
-) -> None:
-    """Learn from decision ``k`` alone: delta = r + Gamma v(next) - v (5.7).
-
-    ``following``: row of the state after the action, -1 after the end of the trial.
-    """
-    power, target = outlook.discounts[length], outlook.target
-    for n in range(target.shape[0]):
-        target[n] = outlook.earned[k, n]
-        if following >= 0:
-            for m in range(target.shape[0]):
-                target[n] += power[n, m] * table.critic[following, m]
-    _take_in(learner, table, outlook, row, action)
+    score(learner.choice, table.actor[row], tolerances, table.values[row])
 
 
 @helper
@@ -76,20 +92,21 @@ def learn_backwards(
     learner: Learner,
     table: Table,
     outlook: Outlook,
-    rows: NDArray[np.int64],
-    actions: NDArray[np.int64],
-    lengths: NDArray[np.int64],
-    count: int,
+    decisions: Decisions,
+    first: int,
     last: int,
 ) -> None:
-    """Learn from all decisions of a trial, the last first, with lambda-returns.
+    """Learn from the decisions of a trial from number ``first`` on, the last first, with lambda-returns.
+
+    With a single one, delta = r + Gamma v(next) - v (5.7), that is to learn after each step.
 
     The return of a decision is r + Gamma ((1 - lambda) v(next) + lambda * return of the next), Gamma to the power of
-    the action's length. A trial that ran out of time goes on in the value of the row ``last``; one that ended has none
-    (-1).
+    the action's length. What the last of them led to goes on in the value of the row ``last``; where that was the end
+    of the trial, and not for lack of time, there is none (-1).
     """
-    ahead, target, channels = outlook.ahead, outlook.target, outlook.target.shape[0]
-    for k in range(count - 1, -1, -1):
+    ahead, target, channels = outlook.scratch[0], outlook.scratch[1], outlook.scratch.shape[1]
+    rows, actions, lengths, count = decisions.rows, decisions.actions, decisions.lengths, decisions.made[0]
+    for k in range(count - 1, first - 1, -1):
         following = last if k == count - 1 else rows[k + 1]
         share = learner.return_lambda if k < count - 1 else 0.0
         power = outlook.discounts[lengths[k]]
@@ -101,4 +118,4 @@ def learn_backwards(
                     target[n] += power[n, m] * mixed
         for n in range(channels):
             ahead[n] = target[n]
-        _take_in(learner, table, outlook, rows[k], actions[k])
+        _take_in(learner, table, outlook.tolerances, rows[k], actions[k], target)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.actor_critic.updates import learn_backwards, learn_step
+from behaviors.actor_critic.updates import earn, earn_nothing, learn_backwards
 from behaviors.tabular.decisions import decide, end_decisions
 from behaviors.tabular.table import row_of
 from behaviors.trials.informed import informed_action
@@ -170,29 +170,6 @@ def _see(trial: Trial, time: int, rng: NDArray[np.uint64]) -> None:
         _keep(trial)
 
 
-@helper
-def _learn_last(trial: Trial, robot: int, following: int) -> None:
-    """Let actor and critic learn from the newest decision, which led to a row, or with -1 to the end."""
-    decisions, minds = decisions_of(trial.minds, robot), trial.minds
-    k = decisions.made[0] - 1
-    if k >= 0:
-        row, action, length = decisions.rows[k], decisions.actions[k], decisions.lengths[k]
-        learner, table, outlook = learner_of(minds, robot), table_of(minds, robot), outlook_of(minds, robot)
-        learn_step(learner, table, outlook, k, row, action, length, following)
-
-
-@helper
-def _earn(trial: Trial, robot: int, decision: int, channel: int) -> None:
-    """Give a robot that learns by several rewards what it earns for an event."""
-    minds = trial.minds
-    if minds.criteria.once[robot, channel] and minds.paid[robot, channel]:
-        return
-    minds.paid[robot, channel] = True
-    amount = trial.tally.rewards[robot, channel]
-    for n in range(minds.criteria.credits.shape[1]):
-        minds.outlook.earned[robot, decision, n] += minds.criteria.credits[robot, n, channel] * amount
-
-
 @inlined
 def _choose(trial: Trial, robot: int, time: int, rng: NDArray[np.uint64]) -> int:
     """Return the action of a robot that learns, or acts by what it has learned: the one under way, or a new one."""
@@ -212,10 +189,10 @@ def _choose(trial: Trial, robot: int, time: int, rng: NDArray[np.uint64]) -> int
             learner, table, decisions = learner_of(minds, robot), table_of(minds, robot), decisions_of(minds, robot)
             epsilon = minds.epsilon[robot]
             if learner.actor_critic:
-                minds.paid[robot].fill(False)
-                minds.outlook.earned[robot, decisions.made[0]].fill(0.0)
-                if learner.one_step:
-                    _learn_last(trial, robot, row_of(table, now))
+                count = decisions.made[0]
+                earn_nothing(minds.outlook, robot, count)
+                if learner.one_step and count > 0:
+                    learn_backwards(learner, table, outlook_of(minds, robot), decisions, count - 1, row_of(table, now))
             action = decide(learner, table, decisions, now, known, old, epsilon, trial.progress[0], rng)
         elif not learning and minds.epsilon[robot] > 0.0 and uniform(rng) < minds.epsilon[robot]:
             action = below(rng, stage.drive.codes.shape[0])
@@ -262,7 +239,7 @@ def _judge(trial: Trial, _time: int) -> int:
                 if last >= 0 and rewards[robot, channel] != 0.0:  # before its first decision nothing is its doing
                     earned = minds.rewards[robot, channel] * rewards[robot, channel]
                     minds.decisions.rewards[robot, last] += earned
-                    _earn(trial, robot, last, channel)
+                    earn(minds.outlook, robot, last, channel, rewards[robot, channel])
     if task.gathering:
         return _judge_gathering(trial, ends)
     return ends
@@ -290,12 +267,9 @@ def _end(trial: Trial, ends: int, time: int) -> None:
             learner, decisions = learner_of(minds, robot), decisions_of(minds, robot)
             if not learner.actor_critic:
                 end_decisions(learner, table, decisions, last, ends not in (GOING, SUCCESS))
-            elif learner.one_step:
-                _learn_last(trial, robot, last)
-            else:
-                rows, actions, lengths = decisions.rows, decisions.actions, decisions.lengths
-                outlook, count = outlook_of(minds, robot), decisions.made[0]
-                learn_backwards(learner, table, outlook, rows, actions, lengths, count, last)
+            elif decisions.made[0] > 0:
+                first = decisions.made[0] - 1 if learner.one_step else 0
+                learn_backwards(learner, table, outlook_of(minds, robot), decisions, first, last)
 
 
 @entry

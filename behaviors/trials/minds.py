@@ -56,10 +56,8 @@ def make_store(rows: int, objects: int) -> Store:
 class Criteria(NamedTuple):
     """A vector-valued reward of one robot.
 
-    credits: (channels, CHANNELS) float64, what each channel earns for each event of the task. once: (CHANNELS,) bool,
-        whether an event counts once an action.
-    discounts: (lengths, channels, channels) float64, tolerances: (channels,) float64; see
-        behaviors.actor_critic.updates.
+    credits: (channels, CHANNELS) float64. once: (CHANNELS,) bool. discounts: (lengths, channels, channels) float64.
+    tolerances: (channels,) float64. See behaviors.actor_critic.updates.
     """
 
     credits: NDArray[np.float64]
@@ -99,8 +97,7 @@ class Minds(NamedTuple):
     decisions: (R, room) each. stores: (R,) bool, who has a store. store: (R, N_all, ...) each, without rows if nobody
         has one.
     epsilon: (R,) float64, of the trial under way.
-    criteria: (R, ...) each. paid: (R, CHANNELS) bool, which events of the action under way were counted. outlook:
-        (R, ...) each; its arrays of criteria are those of ``criteria``.
+    outlook: (R, ...) each, its events those of the task.
     """
 
     numbers: NDArray[np.float64]
@@ -114,8 +111,6 @@ class Minds(NamedTuple):
     stores: NDArray[np.bool_]
     store: Store
     epsilon: NDArray[np.float64]
-    criteria: Criteria
-    paid: NDArray[np.bool_]
     outlook: Outlook
 
 
@@ -146,7 +141,7 @@ def make_minds(minds: Sequence[Mind], time_limit: int, objects: int) -> Minds:
     table, first_row, first_state = _join_tables(minds)
     criteria = _join_criteria(minds)
     channels = criteria.credits.shape[1]
-    scratch = [np.zeros((robots, channels)) for _ in range(2)]
+    paid, earned, scratch = np.zeros((robots, CHANNELS), np.bool_), np.zeros((*shape, channels)), (robots, 2, channels)
     return Minds(
         numbers=np.array([mind.learner for mind in minds], np.float64),
         rewards=rewards,
@@ -159,9 +154,9 @@ def make_minds(minds: Sequence[Mind], time_limit: int, objects: int) -> Minds:
         stores=np.array([store is not None for store in stores]),
         store=store,
         epsilon=np.zeros(robots),
-        criteria=criteria,
-        paid=np.zeros((robots, CHANNELS), np.bool_),
-        outlook=Outlook(np.zeros((*shape, channels)), criteria.discounts, criteria.tolerances, *scratch),
+        outlook=Outlook(
+            *(criteria.credits, criteria.once, paid, earned, criteria.discounts, criteria.tolerances), np.zeros(scratch)
+        ),
     )
 
 
@@ -170,9 +165,10 @@ def _join_criteria(minds: Sequence[Mind]) -> Criteria:
     blank = Criteria(np.zeros((0, CHANNELS)), np.zeros(CHANNELS, np.bool_), np.zeros((1, 0, 0)), np.zeros(0))
     known = [mind.criteria for mind in minds if mind.criteria is not None]
     if known:
-        blank = Criteria(*(np.zeros_like(part) for part in known[0]))
+        zeros: list[Any] = [np.zeros_like(part) for part in known[0]]
+        blank = Criteria(*zeros)
     columns: Iterable[Any] = zip(*(mind.criteria or blank for mind in minds), strict=True)
-    side_by_side: list[NDArray[Any]] = [np.stack(parts) for parts in columns]
+    side_by_side: list[Any] = [np.stack(parts) for parts in columns]
     return Criteria(*side_by_side)
 
 
@@ -245,4 +241,12 @@ def decisions_of(minds: Minds, robot: int) -> Decisions:
 def outlook_of(minds: Minds, robot: int) -> Outlook:
     """Return what one robot earns, and how it looks ahead."""
     of = minds.outlook
-    return Outlook(of.earned[robot], of.discounts[robot], of.tolerances[robot], of.ahead[robot], of.target[robot])
+    return Outlook(
+        of.credits[robot],
+        of.once[robot],
+        of.paid[robot],
+        of.earned[robot],
+        of.discounts[robot],
+        of.tolerances[robot],
+        of.scratch[robot],
+    )

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from behaviors.actor_critic.discounts import discount_powers
-from behaviors.actor_critic.updates import Outlook, learn_backwards, learn_step
+from behaviors.actor_critic.updates import Outlook, learn_backwards
 from behaviors.recipe import LearningSettings
+from behaviors.tabular.decisions import Decisions
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import make_table
 
@@ -24,10 +25,20 @@ def learner_of(**settings):  # noqa: ANN003 - settings of learning
     return make_learner(LearningSettings(method="actor-critic", **settings))
 
 
+def one(*numbers):
+    return [np.array([number]) for number in numbers]
+
+
 def outlook_of(earned, gamma, lengths=2, exponents=None):
     channels = len(gamma)
     powers = discount_powers(gamma, np.arange(lengths, dtype=float) if exponents is None else exponents)
-    return Outlook(np.array(earned, float), powers, np.zeros(channels), np.zeros(channels), np.zeros(channels))
+    none = np.zeros(1, np.bool_)
+    earned, credits_of = np.array(earned, float), np.zeros((channels, 1))
+    return Outlook(credits_of, none, none, earned, powers, np.zeros(channels), np.zeros((2, channels)))
+
+
+def made(rows, actions, lengths):
+    return Decisions(rows, actions, np.zeros(len(rows)), lengths, np.array([len(rows)]))
 
 
 def closed_form(gamma, chain, rewards, terms=400):
@@ -51,7 +62,7 @@ def test_the_closed_form_is_where_the_critic_stays(kind):
         for following in range(5):
             table = make_table(5, 1, channels=3)
             table.critic[:] = value
-            learn_step(learner, table, outlook_of([rewards[state]], gamma), 0, state, 0, 1, following)
+            learn_backwards(learner, table, outlook_of([rewards[state]], gamma), made(*one(state, 0, 1)), 0, following)
             moved += chain[state, following] * (table.critic[state] - value[state]) / 1e-3
         assert moved == pytest.approx(np.zeros(3), abs=1e-9)
 
@@ -66,7 +77,7 @@ def test_the_critic_converges_to_the_closed_form(kind, decay):
     rows, ones = np.arange(7) % 5, np.ones(7, np.int64)
     for _ in range(300):
         outlook = outlook_of(rewards[rows], gamma)
-        learn_backwards(learner, table, outlook, rows, ones * 0, ones, 7, 2)
+        learn_backwards(learner, table, outlook, made(rows, ones * 0, ones), 0, 2)
     assert table.critic == pytest.approx(closed_form(gamma, circle, rewards), abs=1e-6)
 
 
@@ -126,9 +137,9 @@ def test_every_step_is_that_of_a_textbook(channels, actor, update):
         if update == "one-step":
             for k in range(count):
                 following = int(rows[k + 1]) if k + 1 < count else last
-                learn_step(learner, table, outlook, k, int(rows[k]), int(actions[k]), int(lengths[k]), following)
+                learn_backwards(learner, table, outlook, made(rows[: k + 1], actions, lengths), k, following)
         else:
-            learn_backwards(learner, table, outlook, rows, actions, lengths, count, last)
+            learn_backwards(learner, table, outlook, made(rows, actions, lengths), 0, last)
         decisions = list(zip(rows, actions, earned, lengths, strict=True))
         v, p, visited = textbook(learner, lambda length: outlook.discounts[length], decisions, last, channels, 4, 3)  # noqa: B023 - used at once
         assert table.critic == pytest.approx(v)
@@ -154,18 +165,18 @@ def test_each_channel_alone_reaches_its_optimal_policy(channel, actor):
 
     table = make_table(places, 3, channels=1)
     for _ in range(1500):
-        place, made = int(rng.integers(1, places - 1)), []
-        while place not in (0, places - 1) and len(made) < 40:
+        place, walk = int(rng.integers(1, places - 1)), []
+        while place not in (0, places - 1) and len(walk) < 40:
             values = table.values[place]
             greedy = rng.choice(np.flatnonzero(values == values.max()))
             action = int(rng.integers(3)) if rng.random() < 0.3 else int(greedy)
             following = go(place, action)
-            made.append((place, action, [float(following == prize)]))
+            walk.append((place, action, [float(following == prize)]))
             place = following
-        rows, actions, earned = (np.array(column) for column in zip(*made, strict=True))
+        rows, actions, earned = (np.array(column) for column in zip(*walk, strict=True))
         last = -1 if place in (0, places - 1) else place
         ones = np.ones(len(rows), np.int64)
-        learn_backwards(learner, table, outlook_of(earned, gamma), rows, actions, ones, len(rows), last)
+        learn_backwards(learner, table, outlook_of(earned, gamma), made(rows, actions, ones), 0, last)
     value = np.zeros(places)
     for _ in range(100):  # value iteration; the ends are ends
         next_of = [[go(s, a) for a in range(3)] for s in range(places)]

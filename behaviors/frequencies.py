@@ -15,7 +15,7 @@ _TRIALS = 250  # a row
 
 def tells_frequencies(recipe: Recipe) -> bool:
     """Tell whether a learning is of the kind whose frequencies are written: that of chapter 5."""
-    return recipe.ends == "goal" or recipe.learning.method == "actor-critic"
+    return recipe.ends == "goal" or recipe.is_vector
 
 
 def frequency_table(results: Results) -> bytes:

@@ -87,7 +87,7 @@ class Learning:
         elif self._start is not None:
             table = self._start.table()
         else:
-            channels = 0 if recipe.reward is UNSET else len(recipe.reward.channels)
+            channels = 0 if recipe.reward is UNSET or not recipe.is_vector else len(recipe.reward.channels)
             sparse = recipe.learning.storage == "sparse"
             table = make_table(*self._blank.values.shape, sparse=sparse, channels=channels)
         self._scene = self._scene_now(table)
@@ -238,7 +238,7 @@ class Learning:
 
     def _kept(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return (states, actions) values of a skill from those of the table."""
-        if self._recipe.reward is not UNSET:
+        if self._recipe.is_vector:
             return ties_drawn(values, generator(self._seed, SkillStream.TIES))
         return values if self._start is None else self._start.keep(values)
 

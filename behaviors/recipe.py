@@ -239,7 +239,7 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
     # as in chapter 5, where the learner may run into another robot several times.
     ends: Literal["event", "goal"] = "event"
     credit: Literal["anyone", "last-touch"] = "anyone"  # of shoot: whose goals are successes
-    reward: RewardSettings | UnsetType = UNSET  # of actor-critic, instead of the three rewards above
+    reward: RewardSettings | UnsetType = UNSET  # of actor-critic, which does not know the three rewards above
     objects: Annotated[tuple[ModelSettings, ...], Meta(min_length=1, max_length=4)]
     mover: MoverSettings = MoverSettings()
     experience: ExperienceSettings = ExperienceSettings()
@@ -267,15 +267,19 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
         if self.curriculum is not UNSET:
             self._check_growth(self.curriculum)
 
+    @property
+    def is_vector(self) -> bool:
+        """Whether it is learned by several rewards; otherwise [reward] is without effect."""
+        return self.learning.method == "actor-critic"
+
     def _check_reward(self) -> None:
-        vector = self.learning.method == "actor-critic"
-        if vector != (self.reward is not UNSET):
-            raise ValueError('reward: expected [reward] with learning.method = "actor-critic", and only there')
+        if self.is_vector and self.reward is UNSET:
+            raise ValueError('reward: learning.method = "actor-critic" needs [reward] with its channels')
         if self.task != "shoot" and (self.ends, self.credit) != ("event", "anyone"):
             raise ValueError(f"ends and credit are settings of the task 'shoot', got the task {self.task!r}")
         if self.reward is UNSET:
             return
-        if self.coordination is not UNSET:
+        if self.is_vector and self.coordination is not UNSET:
             raise ValueError("reward: with coordination a skill learns action values; leave out one of them")
         happens = {"goal": True, "conceded": self.task == "defend", "pass": self.task == "pass", "kick": True}
         happens["collision"] = self.mover.kind != "none"

@@ -61,7 +61,7 @@ def task_params(recipe: Recipe, *, gathering: bool = False) -> TaskParams:
 def criteria_of(recipe: Recipe) -> Criteria | None:
     """Return what the kernels need of a recipe's vector-valued reward, None if it has none."""
     settings, per_action = recipe.reward, recipe.learning.discount_per == "action"
-    if settings is UNSET:
+    if settings is UNSET or not recipe.is_vector:
         return None
     contacts = {"action": (BUMPED, TOUCHED), "step": (BUMPED, TOUCHED), "contact": (COLLIDED, KICKED)}[settings.paid]
     collision, kick = contacts if recipe.ends == "goal" else (COLLIDED, contacts[1])

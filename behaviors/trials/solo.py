@@ -72,10 +72,13 @@ def criteria_of(recipe: Recipe) -> Criteria | None:
             earned[n, numbers[event]] += amount
     once = np.zeros(CHANNELS, np.bool_)
     once[[BUMPED, TOUCHED]] = settings.paid == "action"
-    lengths = np.arange(recipe.time_limit_steps + 1)
-    exponents = np.ones(len(lengths)) if per_action else lengths / settings.discount_steps
+    gamma, most = discount_matrix(settings), recipe.time_limit_steps
+    if per_action:
+        discounts = np.stack([gamma] * (most + 1))
+    else:
+        discounts = discount_powers(gamma, 1.0 / settings.discount_steps, most)
     tolerances = np.array([channel.tolerance for channel in settings.channels])
-    return Criteria(earned, once, discount_powers(discount_matrix(settings), exponents), tolerances)
+    return Criteria(earned, once, discounts, tolerances)
 
 
 def solo_scene(

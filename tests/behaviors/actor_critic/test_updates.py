@@ -29,9 +29,9 @@ def one(*numbers):
     return [np.array([number]) for number in numbers]
 
 
-def outlook_of(earned, gamma, lengths=2, exponents=None):
+def outlook_of(earned, gamma, share=1.0, most=1):
     channels = len(gamma)
-    powers = discount_powers(gamma, np.arange(lengths, dtype=float) if exponents is None else exponents)
+    powers = discount_powers(gamma, share, most)
     none = np.zeros(1, np.bool_)
     earned, credits_of = np.array(earned, float), np.zeros((channels, 1))
     return Outlook(credits_of, none, none, earned, powers, np.zeros(channels), np.zeros((2, channels)))
@@ -83,10 +83,11 @@ def test_the_critic_converges_to_the_closed_form(kind, decay):
 
 @pytest.mark.parametrize("kind", GAMMAS)
 def test_powers_of_parts_make_up_the_whole(kind):
-    powers = discount_powers(GAMMAS[kind], np.array([0.0, 0.3, 0.7, 1.0, 2.5]))
+    powers = discount_powers(GAMMAS[kind], 0.1, 25)
     assert powers[0] == pytest.approx(np.eye(3))
-    assert powers[1] @ powers[2] == pytest.approx(GAMMAS[kind])
-    assert powers[4] @ powers[4] == pytest.approx(np.linalg.matrix_power(GAMMAS[kind], 5))
+    assert powers[3] @ powers[7] == pytest.approx(GAMMAS[kind])
+    assert powers[25] @ powers[25] == pytest.approx(np.linalg.matrix_power(GAMMAS[kind], 5))
+    assert discount_powers(GAMMAS[kind], 1.0, 3)[3] == pytest.approx(np.linalg.matrix_power(GAMMAS[kind], 3))
 
 
 def textbook(learner, gamma_of, decisions, last, channels, states, actions):
@@ -132,7 +133,7 @@ def test_every_step_is_that_of_a_textbook(channels, actor, update):
         count, last = int(rng.integers(1, 9)), int(rng.choice([-1, 3]))
         rows, actions, lengths = (rng.integers(0, most, count) for most in (4, 3, 6))
         earned = rng.normal(size=(count, channels))
-        outlook = outlook_of(earned, gamma, exponents=np.arange(6) / 10)
+        outlook = outlook_of(earned, gamma, share=0.1, most=5)
         table = make_table(4, 3, channels=channels)
         if update == "one-step":
             for k in range(count):

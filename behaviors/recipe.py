@@ -58,7 +58,6 @@ _YOUNGER = (
     "conceded_reward",
     "ends",
     "credit",
-    "mover.chases",
     "learning.method",
     "learning.choice",
     "learning.actor",
@@ -163,10 +162,10 @@ class LearningSettings(Settings, frozen=True, kw_only=True):
 class MoverSettings(Settings, frozen=True, kw_only=True):
     """What the other robot does."""
 
-    kind: Literal["none", "standing", "random", "chaser", "skill"] = "none"
+    # chaser: drives at the learner; ball-chaser: at the ball, as the defender of 4.5.2 does
+    kind: Literal["none", "standing", "random", "chaser", "skill", "ball-chaser"] = "none"
     skill: str | UnsetType = UNSET  # with kind "skill": what it plays, an installed name or a path
     speed: Share = 1.0  # of the maximum
-    chases: Literal["learner", "ball"] = "learner"  # what it drives at, if it chases
     share_of_chasers: Share = 0.0  # with kind "random": share of trials in which it chases instead
     chaser_speed: Share = 0.3
 

@@ -113,7 +113,6 @@ def _cast_other(trial: Trial, rng: NDArray[np.uint64]) -> None:
     chases = uniform(rng) < task.chaser_share
     if roles.role.shape[0] > 1:
         roles.role[1], roles.share[1] = STANDING, task.mover_speed
-        roles.target[1] = roles.role.shape[0] if task.chases_ball else 0
         if task.mover == _CHASES:
             roles.role[1] = CHASER
         elif chases:

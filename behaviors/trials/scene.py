@@ -31,7 +31,7 @@ class Part:
 
     role: see coevo.stage.roles. mind: what it decides with. skill: which of the bank. team: 0 attacks the goal at
     x = length, 1 the other. mate: number of its team mate, -1 for none. sees: whether it looks. guesses: whether it
-    begins with a belief about where it saw each object last.
+    begins with a belief about where it saw each object last. target: the body that it drives at, if it chases.
     """
 
     role: int
@@ -41,6 +41,7 @@ class Part:
     sees: bool = True
     guesses: bool = True
     team: int = 0
+    target: int = 0
 
 
 @dataclass(frozen=True)
@@ -161,6 +162,7 @@ def make_scene(
     stage.roles.sees[:] = [part.sees for part in parts]
     stage.roles.guesses[:] = [part.guesses for part in parts]
     stage.roles.skill[:] = [part.skill for part in parts]
+    stage.roles.target[:] = [part.target for part in parts]
     stage.roles.hold[:] = hold
     minds = [part.mind for part in parts]
     one = [np.zeros(1, np.int64) for _ in range(len(Tally._fields) - 1)]

@@ -36,6 +36,8 @@ from coevo.stage import LEARNER, RANDOM, STANDING
 
 __all__ = ["blank_skill", "blind_models", "criteria_of", "no_start", "provisional_skill", "solo_scene", "task_params"]
 
+_BALL_BODY = 2  # after two robots
+_AT_THE_BALL = "ball-chaser"  # a chaser whose target is another
 _NOT_LEARNING = Learner(*([0.0] * len(Learner._fields)))  # type: ignore[arg-type]  # numbers of nothing
 
 
@@ -44,7 +46,7 @@ def task_params(recipe: Recipe, *, gathering: bool = False) -> TaskParams:
     return TaskParams(
         task=TASKS.index(recipe.task),
         in_view=recipe.starts == "in-view",
-        mover=MOVERS.index(recipe.mover.kind),
+        mover=MOVERS.index("chaser" if recipe.mover.kind == _AT_THE_BALL else recipe.mover.kind),
         mover_speed=recipe.mover.speed,
         chaser_share=recipe.mover.share_of_chasers,
         chaser_speed=recipe.mover.chaser_speed,
@@ -54,7 +56,6 @@ def task_params(recipe: Recipe, *, gathering: bool = False) -> TaskParams:
         gathering=gathering,
         goal_ends=recipe.ends == "goal",
         by_last_touch=recipe.credit == "last-touch",
-        chases_ball=recipe.mover.chases == "ball",
     )
 
 
@@ -122,7 +123,9 @@ def solo_scene(
         like = table.actor.shape  # tables of a scene are of one width
         other = Mind(_NOT_LEARNING, make_table(1, like[1], channels=like[2]))
         team, sees = int(recipe.task == "defend"), bool(played)
-        parts.append(Part(STANDING, other, len(played), mate=0 if mate > 0 else -1, sees=sees, guesses=sees, team=team))
+        target = _BALL_BODY if recipe.mover.kind == _AT_THE_BALL else 0
+        mates = 0 if mate > 0 else -1
+        parts.append(Part(STANDING, other, len(played), mate=mates, sees=sees, guesses=sees, team=team, target=target))
     hold = recipe.experience.hold_min_steps, recipe.experience.hold_max_steps
     task = task_params(recipe, gathering=role == RANDOM)
     limits = event_params(recipe.world)

@@ -74,7 +74,7 @@ class TaskParams(NamedTuple):
     patience: for how many steps a learner may not see what its skill needs before the trial ends.
     gathering: only experience is wanted: a trial ends with the ball, or when the store is full.
     goal_ends: of a task of one: nothing ends a trial but goals and time. by_last_touch: only a goal after a touch of
-        the learner is its own. chases_ball: the other robot, if it chases, drives at the ball, not at the learner.
+        the learner is its own.
     """
 
     task: int
@@ -89,7 +89,6 @@ class TaskParams(NamedTuple):
     gathering: bool
     goal_ends: bool = False
     by_last_touch: bool = False
-    chases_ball: bool = False
 
 
 class Tally(NamedTuple):

@@ -9,7 +9,8 @@ import msgspec
 from msgspec import UNSET
 
 from behaviors.measuring import Yardstick, evaluate
-from behaviors.recipe import MoverSettings, Recipe
+from behaviors.recipe import LearningSettings, MoverSettings, Recipe
+from behaviors.trials.task import STRAY_GOAL
 from coevo.skill import Skill
 from coevo.statistics import share_interval
 
@@ -51,6 +52,8 @@ def _beside(recipe: Recipe, yardstick: Yardstick, *, games: int, seed: int) -> d
     if recipe.mover.skill is not UNSET:  # the skill may be learned anew meanwhile
         return _yardstick.__wrapped__(recipe, yardstick, games, seed)
     task = msgspec.structs.replace(recipe, seed=0, trials=1, curriculum=UNSET)
+    if recipe.reward is not UNSET:  # what is learned from it does not matter to them
+        task = msgspec.structs.replace(task, reward=UNSET, learning=LearningSettings())
     return _yardstick(task, yardstick, games, seed)
 
 
@@ -83,6 +86,9 @@ def measure(recipe: Recipe, skill: Skill | Yardstick, *, games: int, seed: int, 
         "mean_steps": float(result.steps.mean()),
         "collision_rate": result.collision_rate,
     }
+    if recipe.ends == "goal":
+        data["mean_kicks"] = float(result.kicks.mean())
+        data["stray_goal_rate"] = float((result.outcomes == STRAY_GOAL).mean())
     if recipe.task == "avoid":
         chaser = MoverSettings(kind="chaser", speed=0.3)
         chased = evaluate(recipe, skill, games=games, seed=seed, starts=starts, mover=chaser)
@@ -99,6 +105,9 @@ def describe(label: str, data: dict[str, Any]) -> list[str]:
         f"  collisions {data['collision_rate']:.3f}  mean {data['mean_steps']:.0f} steps  ({data['games']} trials)"
     )
     lines = [first]
+    if "mean_kicks" in data:
+        stray = f", goals of the other robot {data['stray_goal_rate']:.3f}" if data["stray_goal_rate"] else ""
+        lines.append(f"{'':24s}{data['mean_kicks']:.1f} steps of contact with the ball a trial{stray}")
     if "collision_rate_chaser" in data:
         low, high = data["ci95_chaser"]
         chased = data["collision_rate_chaser"]

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 
 from behaviors.curriculum import TABLES
+from behaviors.frequencies import FREQUENCIES
 from behaviors.learning import Learning
 from behaviors.recipe import Recipe, recipe_digest
 from coevo.config import to_toml
@@ -66,7 +67,7 @@ def write_learned(folder: Path, learning: Learning, skill: Skill, card: dict[str
     """
     files = learning.files()
     with writing(folder):
-        for name in TABLES:
+        for name in (*TABLES, FREQUENCIES):
             (folder / name).unlink(missing_ok=True)
         for name, data in files.items():
             write_whole(folder / name, data)

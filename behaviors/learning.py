@@ -12,10 +12,12 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from behaviors.actor_critic.ties import ties_drawn
 from behaviors.checkpoint import parts_of, read_checkpoint, with_prefix, write_checkpoint
 from behaviors.coordination.relearning import Coordinated, coordinate, shared_models
 from behaviors.curriculum import GREEDY, RATES, Curriculum, check_curriculum
 from behaviors.experience import make_models
+from behaviors.frequencies import FREQUENCIES, frequency_table, tells_frequencies
 from behaviors.measuring import Measured, evaluate, run_greedy, succeeded, warm_up, watch
 from behaviors.practice import Practice, Standing
 from behaviors.recipe import Recipe, of_seed, plain_recipe, recipe_digest
@@ -27,7 +29,7 @@ from behaviors.trials.solo import blank_skill, no_start, solo_scene
 from behaviors.trials.task import COLLISION, FAILURE, GOING, SUCCESS
 from coevo.complexity import value_change
 from coevo.errors import InputError
-from coevo.seeds import SkillStream, game_seeds
+from coevo.seeds import SkillStream, game_seeds, generator
 from coevo.skill import ObjectModel, Skill, load_skill
 from coevo.skill.model import pack_models, unpack_models
 from coevo.stage import LEARNER
@@ -85,7 +87,9 @@ class Learning:
         elif self._start is not None:
             table = self._start.table()
         else:
-            table = make_table(*self._blank.values.shape, sparse=recipe.learning.storage == "sparse")
+            channels = 0 if recipe.reward is UNSET or not recipe.is_vector else len(recipe.reward.channels)
+            sparse = recipe.learning.storage == "sparse"
+            table = make_table(*self._blank.values.shape, sparse=sparse, channels=channels)
         self._scene = self._scene_now(table)
         self._practice = Practice(
             self._scene,
@@ -215,8 +219,11 @@ class Learning:
         self._practice.go_to(self._scene)
 
     def files(self) -> dict[str, bytes]:
-        """Return what stands beside the skill, by name of its file: the tables of a curriculum."""
-        return {} if self._curriculum is None else self._curriculum.files()
+        """Return what stands beside the skill, by name of its file: tables of a curriculum, of what happened."""
+        files = {} if self._curriculum is None else self._curriculum.files()
+        if tells_frequencies(self._recipe):
+            files[FREQUENCIES] = frequency_table(self._practice.at.results)
+        return files
 
     @property
     def words(self) -> str:
@@ -244,6 +251,8 @@ class Learning:
 
     def _kept(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return (states, actions) values of a skill from those of the table."""
+        if self._recipe.is_vector:
+            return ties_drawn(values, generator(self._seed, SkillStream.TIES))
         return values if self._start is None else self._start.keep(values)
 
     def _play(self, first: int, count: int) -> Results:

@@ -31,11 +31,15 @@ class Measured:
 
     outcomes, steps: (trials,) int64; see behaviors.trials.task for the outcomes.
     success: (trials,) bool; for the task avoid, that no collision happened.
+    collided: (trials,) bool, whether it ran into another robot.
+    kicks: (trials,) int64, steps of contact with the ball.
     """
 
     outcomes: NDArray[np.int64]
     steps: NDArray[np.int64]
     success: NDArray[np.bool_]
+    collided: NDArray[np.bool_]
+    kicks: NDArray[np.int64]
 
     @property
     def success_rate(self) -> float:
@@ -44,8 +48,8 @@ class Measured:
 
     @property
     def collision_rate(self) -> float:
-        """Share of the trials that ended in a collision."""
-        return float((self.outcomes == COLLISION).mean())
+        """Share of the trials with a collision."""
+        return float(self.collided.mean())
 
 
 def succeeded(recipe: Recipe, outcomes: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -128,7 +132,8 @@ def run_greedy(
     found = _scene(recipe, skill, epsilon).run(game_seeds(seed, stream, count=games), total=games)
     if found is None:
         raise no_start(recipe)
-    return Measured(found.ends, found.steps, succeeded(recipe, found.ends))
+    collided = found.ends == COLLISION if recipe.ends == "event" else found.collisions > 0
+    return Measured(found.ends, found.steps, succeeded(recipe, found.ends), collided, found.kicks)
 
 
 def _scene(recipe: Recipe, skill: Skill | Yardstick, epsilon: float = 0.0) -> Scene:

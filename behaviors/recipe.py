@@ -15,6 +15,7 @@ import msgspec
 from msgspec import UNSET, Meta, UnsetType
 
 from behaviors.raw import RAW_COMPONENTS
+from behaviors.reward import RewardSettings
 from coevo.config import (
     ComplexitySettings,
     FileSettings,
@@ -56,6 +57,12 @@ _YOUNGER = (
     "objects.lost_states",
     "objects.needed",
     "conceded_reward",
+    "ends",
+    "credit",
+    "learning.method",
+    "learning.choice",
+    "learning.actor",
+    "learning.beta",
     "learning.update",
     "learning.discount_per",
     "learning.storage",
@@ -121,8 +128,17 @@ class ActionSettings(Settings, frozen=True, kw_only=True):
 
 
 class LearningSettings(Settings, frozen=True, kw_only=True):
-    """Tabular Q learning: with lambda-returns, backwards at the end of a trial, or a step at a time as in (B.2)."""
+    """Tabular Q learning, or an actor and a critic for the channels of [reward] (chapter 5).
 
+    Either learns with lambda-returns, backwards at the end of a trial, or a step at a time as in (B.2) and (5.7).
+    """
+
+    method: Literal["q", "actor-critic"] = "q"
+    # Of actor-critic: by what an action is chosen, see behaviors.actor_critic.choice; (5.12) are votes.
+    choice: Literal["votes", "votes-then-sum", "sum", "priority"] = "votes"
+    # Of actor-critic: the preference moves towards the advantage, p += beta (A - p), or as (5.9) has it, p += beta A.
+    actor: Literal["advantage", "literal"] = "advantage"
+    beta: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.25  # of actor-critic; it falls as alpha does
     update: Literal["lambda-returns", "one-step"] = "lambda-returns"  # one-step: (B.2), after each decision
     gamma: Annotated[float, Meta(gt=0.0, lt=1.0)] = 0.99  # (B.2) has 0.9 an action
     discount_per: Literal["step", "action"] = "step"  # what gamma is for: a physical step, or an action however long
@@ -220,6 +236,11 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
     goal_reward: Annotated[float, Meta(ge=-1e6, le=1e6)] = 1.0  # [T]
     collision_reward: Annotated[float, Meta(ge=-1e6, le=1e6)] = -0.3  # [T]
     conceded_reward: Annotated[float, Meta(ge=-1e6, le=1e6)] = -1.0  # of the task defend, for a goal against it
+    # What ends a trial: whatever happens first of a goal, a collision, and leaving the field; or goals and time alone,
+    # as in chapter 5, where the learner may run into another robot several times.
+    ends: Literal["event", "goal"] = "event"
+    credit: Literal["anyone", "last-touch"] = "anyone"  # of shoot: whose goals are successes
+    reward: RewardSettings | UnsetType = UNSET  # of actor-critic, which does not know the three rewards above
     objects: Annotated[tuple[ModelSettings, ...], Meta(min_length=1, max_length=4)]
     mover: MoverSettings = MoverSettings()
     experience: ExperienceSettings = ExperienceSettings()
@@ -241,10 +262,36 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
         if self.task in ("pass", "avoid", "defend") and self.mover.kind == "none":
             raise ValueError(f"the task {self.task!r} needs another robot: set mover.kind")
         self._check_objects()
+        self._check_reward()
         if self.coordination is not UNSET and self.learning.storage == "sparse":
             raise ValueError("learning.storage: with coordination every state has values from the start: 'dense'")
         if self.curriculum is not UNSET:
             self._check_growth(self.curriculum)
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether it is learned by several rewards; otherwise [reward] is without effect."""
+        return self.learning.method == "actor-critic"
+
+    def _check_reward(self) -> None:
+        if self.is_vector and self.reward is UNSET:
+            raise ValueError('reward: learning.method = "actor-critic" needs [reward] with its channels')
+        if self.task != "shoot" and (self.ends, self.credit) != ("event", "anyone"):
+            raise ValueError(f"ends and credit are settings of the task 'shoot', got the task {self.task!r}")
+        if self.reward is UNSET:
+            return
+        if self.is_vector and self.coordination is not UNSET:
+            raise ValueError("reward: with coordination a skill learns action values; leave out one of them")
+        happens = {"goal": True, "conceded": self.task == "defend", "pass": self.task == "pass", "kick": True}
+        happens["collision"] = self.mover.kind != "none"
+        for channel in self.reward.channels:
+            for event in channel.earns.amounts:
+                if not happens[event]:
+                    raise ValueError(
+                        f"reward.channels: {channel.name!r} earns for {event!r}, which never happens in the task"
+                        f" {self.task!r} with mover.kind = {self.mover.kind!r}"
+                    )
+        self.reward.check_powers(self.learning.discount_per)
 
     def _check_growth(self, curriculum: CurriculumSettings) -> None:
         orders = [model.order for kind in curriculum.grow for model in self.objects if model.kind == kind]

@@ -21,7 +21,8 @@ from coevo.stage import CHASER, ROAMER, STANDING
 __all__ = ["pair_recording", "skill_recording"]
 
 _SIDES = ("succeeded", "failed")
-_IDLE = {STANDING: "stands", ROAMER: "drives at random", CHASER: "drives at r0"}
+_IDLE = {STANDING: "stands", ROAMER: "drives at random"}
+_CHASES = {"ball-chaser": "drives at the ball"}
 _SUCCESSES = {
     "shoot": "goal",
     "pass": "the mate touches the ball",
@@ -54,7 +55,7 @@ def skill_recording(recipe: Recipe, skill: Skill, *, games: int, seed: int, star
             ending = "goal against it"
         elif one.ends == GOING and recipe.task in _SPARED:
             ending = f"time is up, and no {_SPARED[recipe.task]}"
-        takes.append(_take(one, number, games, ending, success=success))
+        takes.append(_take(one, number, games, ending, success=success, chased=recipe.mover.kind))
     robots = takes[0].trace.skills.shape[1]
     played = _played(recipe)
     against = int(recipe.task == "defend")  # the other robot is of the other team
@@ -94,9 +95,9 @@ def pair_recording(
     return _recording(name, schedule, (Actor("P"), Actor("S")), both, takes)
 
 
-def _take(one: Watched, number: int, of: int | None, ending: str, *, success: bool) -> Take:
+def _take(one: Watched, number: int, of: int | None, ending: str, *, success: bool, chased: str = "chaser") -> Take:
     title = f"trial {number + 1}" if of is None else f"trial {number + 1} of {of}"
-    idle = tuple(_IDLE.get(role, "") for role in one.roles)
+    idle = tuple(_IDLE.get(role, "") if role != CHASER else _CHASES.get(chased, "drives at r0") for role in one.roles)
     return Take(one.trace, title, ending, 0 if success else 1, idle)
 
 

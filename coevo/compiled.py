@@ -55,6 +55,7 @@ KERNEL_SOURCES = (
     "coevo/soccer",
     "coevo/stage",
     "coevo/tree",
+    "behaviors/actor_critic",
     "behaviors/tabular",
     "behaviors/trials",
 )

@@ -65,6 +65,7 @@ class SkillStream(IntEnum):
     CHECK = 3  # of the table while it is learned: a trial, the same in all checks
     STEPS = 4  # that a skill takes to its goal, for the coordination of several: a trial
     AXES = 5  # in which order they are added, where that is random: an object
+    TIES = 6  # between actions that are equally good by several rewards
 
 
 @unique

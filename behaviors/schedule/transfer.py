@@ -102,6 +102,7 @@ def run_elsewhere(
         end_trial(trial, ends, steps)
         found.ends[n], found.passes[n], found.steps[n] = ends, trial.tally.passes[0], steps
         found.nearer[n] = trial.tally.nearer[0]
+        found.kicks[n], found.collisions[n] = trial.stage.events.kicks[0], trial.stage.events.collisions[0]
     return found
 
 

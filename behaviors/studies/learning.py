@@ -111,7 +111,7 @@ def _under_way(recipe: Recipe, checkpoint: Path) -> Learning:
 def _row(card: Mapping[str, Any]) -> dict[str, Cell]:
     row: dict[str, Cell] = {}
     for starts, told in card["measured"].items():
-        for key in ("success_rate", "collision_rate", "collision_rate_chaser"):
+        for key in ("success_rate", "collision_rate", "collision_rate_chaser", "mean_kicks", "stray_goal_rate"):
             if key in told:
                 row[f"{key}_{starts.replace('-', '_')}"] = told[key]
     curriculum = card.get("curriculum", {})

@@ -71,7 +71,7 @@ def decide(
         rng: the trial's stream.
     """
     row = row_of(table, state)
-    if learner.one_step and decisions.made[0] > 0:
+    if learner.one_step and not learner.actor_critic and decisions.made[0] > 0:
         _update_last(learner, table, decisions, row)
     if learner.follows or table.fixed[row]:
         action = known

@@ -53,9 +53,11 @@ def grown_table(table: Table, origin: NDArray[np.int64], *, copy: bool = True) -
     rows = np.full(len(origin), -1, np.int32)
     rows[known] = np.arange(used)
     values, visits, fixed = table.values[from_row], table.visits[from_row], table.fixed[from_row]
+    critic, actor = table.critic[from_row], table.actor[from_row]
     if not copy:
-        values[~fixed], visits[~fixed] = 0.0, 0
-    return Table(values, visits, fixed, rows, np.array([used]))
+        for part in (values, visits, critic, actor):
+            part[~fixed] = 0
+    return Table(values, visits, fixed, critic, actor, rows, np.array([used]))
 
 
 def grown_values(

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviors.actor_critic.choice import CHOICES
 from behaviors.recipe import LearningSettings
 from coevo.compiled import helper
 from coevo.soccer.rng import below
@@ -15,8 +16,10 @@ __all__ = ["Learner", "greedy", "lambda_returns", "make_learner", "one_step"]
 
 
 class Learner(NamedTuple):
-    """Numbers of Q learning; see behaviors.recipe.LearningSettings.
+    """Numbers of Q learning, and of actor and critic; see behaviors.recipe.LearningSettings.
 
+    actor_critic: learn by an actor and a critic (behaviors.actor_critic). literal: (5.9) as it is printed. choice:
+        number of one of behaviors.actor_critic.choice.CHOICES.
     follows: act by the policy that is there, and learn how many steps it takes to the goal, ``never`` if it fails.
     """
 
@@ -33,6 +36,10 @@ class Learner(NamedTuple):
     anywhere_share: float
     follows: bool = False
     never: float = 0.0
+    actor_critic: bool = False
+    literal: bool = False
+    beta: float = 0.0
+    choice: int = 0
 
 
 def make_learner(settings: LearningSettings) -> Learner:
@@ -49,6 +56,10 @@ def make_learner(settings: LearningSettings) -> Learner:
         epsilon_end=settings.epsilon_end,
         easy_share=settings.easy_share,
         anywhere_share=settings.anywhere_share,
+        actor_critic=settings.method == "actor-critic",
+        literal=settings.actor == "literal",
+        beta=settings.beta,
+        choice=CHOICES.index(settings.choice),
     )
 
 

@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviors.actor_critic.updates import earn, earn_nothing, learn_backwards
 from behaviors.tabular.decisions import decide, end_decisions
 from behaviors.tabular.table import row_of
 from behaviors.trials.informed import informed_action
-from behaviors.trials.minds import Minds, decisions_of, learner_of, table_of
+from behaviors.trials.minds import Minds, decisions_of, learner_of, outlook_of, table_of
 from behaviors.trials.starts import start_one, start_two
 from behaviors.trials.task import AVOID, CHANNELS, DEFEND, FAILURE, PASS_AND_SHOOT, SUCCESS, Tally, TaskParams, judge
 from coevo.compiled import borrowed, entry, helper, inlined
@@ -54,12 +55,15 @@ class Results(NamedTuple):
 
     ends: GOING (time ran out), SUCCESS, FAILURE, COLLISION or STRAY_GOAL. passes, steps: how many.
     nearer: of a task of two, the robot that started nearer to the ball.
+    kicks, collisions: of robot 0, steps of contact with the ball and how often it ran into another robot.
     """
 
     ends: NDArray[np.int64]
     passes: NDArray[np.int64]
     steps: NDArray[np.int64]
     nearer: NDArray[np.int64]
+    kicks: NDArray[np.int64]
+    collisions: NDArray[np.int64]
 
 
 @inlined
@@ -133,6 +137,7 @@ def _begin(trial: Trial, number: int, total: int, rng: NDArray[np.uint64]) -> bo
     if is_taping(trial.tape):
         record_state(trial.tape, trial.stage, 0)
     tally.trial[0], tally.passes[0], tally.lost_for[0] = number, 0, 0
+    tally.touched[0], tally.collisions[0] = 0, 0
     for robot in range(trial.stage.roles.role.shape[0]):
         learner = learner_of(minds, robot)
         minds.epsilon[robot] = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * trial.progress[0]
@@ -182,6 +187,11 @@ def _choose(trial: Trial, robot: int, time: int, rng: NDArray[np.uint64]) -> int
                 old = int(bank.policy[bank.first[reused] + state_of_skill(stage, robot, reused, time)])
             learner, table, decisions = learner_of(minds, robot), table_of(minds, robot), decisions_of(minds, robot)
             epsilon = minds.epsilon[robot]
+            if learner.actor_critic:
+                count = decisions.made[0]
+                earn_nothing(minds.outlook, robot, count)
+                if learner.one_step and count > 0:
+                    learn_backwards(learner, table, outlook_of(minds, robot), decisions, count - 1, row_of(table, now))
             action = decide(learner, table, decisions, now, known, old, epsilon, trial.progress[0], rng)
         elif not learning and minds.epsilon[robot] > 0.0 and uniform(rng) < minds.epsilon[robot]:
             action = below(rng, stage.drive.codes.shape[0])
@@ -228,6 +238,7 @@ def _judge(trial: Trial, _time: int) -> int:
                 if last >= 0 and rewards[robot, channel] != 0.0:  # before its first decision nothing is its doing
                     earned = minds.rewards[robot, channel] * rewards[robot, channel]
                     minds.decisions.rewards[robot, last] += earned
+                    earn(minds.outlook, robot, last, channel, rewards[robot, channel])
     if task.gathering:
         return _judge_gathering(trial, ends)
     return ends
@@ -253,7 +264,11 @@ def _end(trial: Trial, ends: int, time: int) -> None:
             if ends == GOING:
                 last = row_of(table, state_of_skill(stage, robot, stage.roles.skill[robot], time))
             learner, decisions = learner_of(minds, robot), decisions_of(minds, robot)
-            end_decisions(learner, table, decisions, last, ends not in (GOING, SUCCESS))
+            if not learner.actor_critic:
+                end_decisions(learner, table, decisions, last, ends not in (GOING, SUCCESS))
+            elif decisions.made[0] > 0:
+                first = decisions.made[0] - 1 if learner.one_step else 0
+                learn_backwards(learner, table, outlook_of(minds, robot), decisions, first, last)
 
 
 @entry
@@ -286,6 +301,8 @@ def run_trials(
         _end(trial, ends, time)
         results.ends[n], results.passes[n], results.steps[n] = ends, tally.passes[0], time
         results.nearer[n] = tally.nearer[0]
+        results.kicks[n] = trial.stage.events.kicks[0]
+        results.collisions[n] = trial.stage.events.collisions[0]
         if trial.task.gathering and store.written[0, 0] >= store.trial.shape[1]:
             return n + 1
     return int(seeds.shape[0])

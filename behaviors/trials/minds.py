@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviors.actor_critic.updates import Outlook
 from behaviors.tabular.decisions import Decisions
 from behaviors.tabular.qlearning import Learner
 from behaviors.tabular.table import Table
@@ -17,6 +18,7 @@ from coevo.compiled import inlined
 from coevo.soccer.camera import FEATURES
 
 __all__ = [
+    "Criteria",
     "Mind",
     "Minds",
     "Store",
@@ -24,6 +26,7 @@ __all__ = [
     "learner_of",
     "make_minds",
     "make_store",
+    "outlook_of",
     "table_of",
     "with_tables_of",
 ]
@@ -50,6 +53,19 @@ def make_store(rows: int, objects: int) -> Store:
     return Store(np.zeros(rows, np.int64), np.zeros((rows, 2)), features, areas, np.zeros(1, np.int64))
 
 
+class Criteria(NamedTuple):
+    """A vector-valued reward of one robot.
+
+    credits: (channels, CHANNELS) float64. once: (CHANNELS,) bool. discounts: (lengths, channels, channels) float64.
+    tolerances: (channels,) float64. See behaviors.actor_critic.updates.
+    """
+
+    credits: NDArray[np.float64]
+    once: NDArray[np.bool_]
+    discounts: NDArray[np.float64]
+    tolerances: NDArray[np.float64]
+
+
 @dataclass
 class Mind:
     """What one robot decides and learns with.
@@ -61,6 +77,7 @@ class Mind:
         old: skill of the bank whose policy is reused (3.10), -1 for none.
         at_random: instead of by a policy, but for as long as its actions last.
         rewards: for each of the task's channels.
+        criteria: its vector-valued reward, if it has one.
     """
 
     learner: Learner
@@ -69,6 +86,7 @@ class Mind:
     old: int = -1
     at_random: bool = False
     rewards: Mapping[int, float] = field(default_factory=dict)
+    criteria: Criteria | None = None
 
 
 class Minds(NamedTuple):
@@ -79,6 +97,7 @@ class Minds(NamedTuple):
     decisions: (R, room) each. stores: (R,) bool, who has a store. store: (R, N_all, ...) each, without rows if nobody
         has one.
     epsilon: (R,) float64, of the trial under way.
+    outlook: (R, ...) each, its events those of the task.
     """
 
     numbers: NDArray[np.float64]
@@ -92,6 +111,7 @@ class Minds(NamedTuple):
     stores: NDArray[np.bool_]
     store: Store
     epsilon: NDArray[np.float64]
+    outlook: Outlook
 
 
 def make_minds(minds: Sequence[Mind], time_limit: int, objects: int) -> Minds:
@@ -119,6 +139,9 @@ def make_minds(minds: Sequence[Mind], time_limit: int, objects: int) -> Minds:
     shape = (robots, time_limit)
     rows, actions, lengths = (np.zeros(shape, np.int64) for _ in range(3))
     table, first_row, first_state = _join_tables(minds)
+    criteria = _join_criteria(minds)
+    channels = criteria.credits.shape[1]
+    paid, earned, scratch = np.zeros((robots, CHANNELS), np.bool_), np.zeros((*shape, channels)), (robots, 2, channels)
     return Minds(
         numbers=np.array([mind.learner for mind in minds], np.float64),
         rewards=rewards,
@@ -131,7 +154,22 @@ def make_minds(minds: Sequence[Mind], time_limit: int, objects: int) -> Minds:
         stores=np.array([store is not None for store in stores]),
         store=store,
         epsilon=np.zeros(robots),
+        outlook=Outlook(
+            *(criteria.credits, criteria.once, paid, earned, criteria.discounts, criteria.tolerances), np.zeros(scratch)
+        ),
     )
+
+
+def _join_criteria(minds: Sequence[Mind]) -> Criteria:
+    """Return the criteria of all robots side by side, zeros for who has none."""
+    blank = Criteria(np.zeros((0, CHANNELS)), np.zeros(CHANNELS, np.bool_), np.zeros((1, 0, 0)), np.zeros(0))
+    known = [mind.criteria for mind in minds if mind.criteria is not None]
+    if known:
+        zeros: list[Any] = [np.zeros_like(part) for part in known[0]]
+        blank = Criteria(*zeros)
+    columns: Iterable[Any] = zip(*(mind.criteria or blank for mind in minds), strict=True)
+    side_by_side: list[Any] = [np.stack(parts) for parts in columns]
+    return Criteria(*side_by_side)
 
 
 def with_tables_of(side_by_side: Minds, minds: Sequence[Mind]) -> Minds:
@@ -148,8 +186,9 @@ def _join_tables(minds: Sequence[Mind]) -> tuple[Table, NDArray[np.int64], NDArr
     first_state = np.cumsum([0, *(len(table.rows) for table in tables)])
     for n, mind in enumerate(minds):
         a, b, c, d = first_row[n], first_row[n + 1], first_state[n], first_state[n + 1]
+        critic, actor = whole.critic[a:b], whole.actor[a:b]
         values, visits, fixed = whole.values[a:b], whole.visits[a:b], whole.fixed[a:b]
-        mind.table = Table(values, visits, fixed, whole.rows[c:d], whole.used[n : n + 1])
+        mind.table = Table(values, visits, fixed, critic, actor, whole.rows[c:d], whole.used[n : n + 1])
     return whole, first_row, first_state
 
 
@@ -157,15 +196,36 @@ def _join_tables(minds: Sequence[Mind]) -> tuple[Table, NDArray[np.int64], NDArr
 def learner_of(minds: Minds, robot: int) -> Learner:
     """Return the numbers of one robot."""
     n = minds.numbers[robot]
-    return Learner(n[0] != 0.0, n[1] != 0.0, n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11] != 0.0, n[12])
+    one_step, per_action, follows, vector, literal = n[0] != 0.0, n[1] != 0.0, n[11] != 0.0, n[13] != 0.0, n[14] != 0.0
+    gamma, decay, alpha, visits, least, start, end = n[2], n[3], n[4], n[5], n[6], n[7], n[8]
+    return Learner(
+        one_step,
+        per_action,
+        gamma,
+        decay,
+        alpha,
+        visits,
+        least,
+        start,
+        end,
+        n[9],
+        n[10],
+        follows,
+        n[12],
+        vector,
+        literal,
+        n[15],
+        int(n[16]),
+    )
 
 
 @inlined
 def table_of(minds: Minds, robot: int) -> Table:
     """Return the table of one robot."""
     table, a, b = minds.table, minds.first_row[robot], minds.first_row[robot + 1]
-    rows = table.rows[minds.first_state[robot] : minds.first_state[robot + 1]]
-    return Table(table.values[a:b], table.visits[a:b], table.fixed[a:b], rows, table.used[robot : robot + 1])
+    rows, used = table.rows[minds.first_state[robot] : minds.first_state[robot + 1]], table.used[robot : robot + 1]
+    critic, actor = table.critic[a:b], table.actor[a:b]
+    return Table(table.values[a:b], table.visits[a:b], table.fixed[a:b], critic, actor, rows, used)
 
 
 @inlined
@@ -174,4 +234,19 @@ def decisions_of(minds: Minds, robot: int) -> Decisions:
     of = minds.decisions
     return Decisions(
         of.rows[robot], of.actions[robot], of.rewards[robot], of.lengths[robot], of.made[robot : robot + 1]
+    )
+
+
+@inlined
+def outlook_of(minds: Minds, robot: int) -> Outlook:
+    """Return what one robot earns, and how it looks ahead."""
+    of = minds.outlook
+    return Outlook(
+        of.credits[robot],
+        of.once[robot],
+        of.paid[robot],
+        of.earned[robot],
+        of.discounts[robot],
+        of.tolerances[robot],
+        of.scratch[robot],
     )

@@ -165,7 +165,7 @@ def make_scene(
     stage.roles.target[:] = [part.target for part in parts]
     stage.roles.hold[:] = hold
     minds = [part.mind for part in parts]
-    one = [np.zeros(1, np.int64) for _ in range(4)]
+    one = [np.zeros(1, np.int64) for _ in range(len(Tally._fields) - 1)]
     trial = Trial(
         stage,
         task,

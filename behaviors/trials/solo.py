@@ -8,20 +8,33 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import UNSET
 
+from behaviors.actor_critic.discounts import discount_powers
 from behaviors.recipe import ModelSettings, Recipe
+from behaviors.reward import discount_matrix
 from behaviors.tabular.qlearning import Learner
 from behaviors.tabular.table import Table, make_table
-from behaviors.trials.minds import Mind, Store
+from behaviors.trials.minds import Criteria, Mind, Store
 from behaviors.trials.scene import Part, Scene, make_scene
-from behaviors.trials.task import COLLIDED, CONCEDED, MOVERS, SUCCEEDED, TASKS, TaskParams
+from behaviors.trials.task import (
+    BUMPED,
+    CHANNELS,
+    COLLIDED,
+    CONCEDED,
+    KICKED,
+    MOVERS,
+    SUCCEEDED,
+    TASKS,
+    TOUCHED,
+    TaskParams,
+)
 from coevo.errors import InputError
 from coevo.skill import ObjectModel, Skill, load_skill, make_bank
 from coevo.skill.model import INPUTS, MOST_STATES, OBJECT_KINDS
 from coevo.soccer.drive import action_set
 from coevo.soccer.events import event_params
-from coevo.stage import RANDOM, STANDING
+from coevo.stage import LEARNER, RANDOM, STANDING
 
-__all__ = ["blank_skill", "blind_models", "no_start", "provisional_skill", "solo_scene", "task_params"]
+__all__ = ["blank_skill", "blind_models", "criteria_of", "no_start", "provisional_skill", "solo_scene", "task_params"]
 
 _BALL_BODY = 2  # after two robots
 _AT_THE_BALL = "ball-chaser"  # a chaser whose target is another
@@ -41,7 +54,32 @@ def task_params(recipe: Recipe, *, gathering: bool = False) -> TaskParams:
         every_pass=False,
         patience=recipe.learning.patience_steps,
         gathering=gathering,
+        goal_ends=recipe.ends == "goal",
+        by_last_touch=recipe.credit == "last-touch",
     )
+
+
+def criteria_of(recipe: Recipe) -> Criteria | None:
+    """Return what the kernels need of a recipe's vector-valued reward, None if it has none."""
+    settings, per_action = recipe.reward, recipe.learning.discount_per == "action"
+    if settings is UNSET or not recipe.is_vector:
+        return None
+    contacts = {"action": (BUMPED, TOUCHED), "step": (BUMPED, TOUCHED), "contact": (COLLIDED, KICKED)}[settings.paid]
+    collision, kick = contacts if recipe.ends == "goal" else (COLLIDED, contacts[1])
+    numbers = {"goal": SUCCEEDED, "conceded": CONCEDED, "pass": SUCCEEDED, "collision": collision, "kick": kick}
+    earned = np.zeros((len(settings.channels), CHANNELS))
+    for n, channel in enumerate(settings.channels):
+        for event, amount in channel.earns.amounts.items():
+            earned[n, numbers[event]] += amount
+    once = np.zeros(CHANNELS, np.bool_)
+    once[[BUMPED, TOUCHED]] = settings.paid == "action"
+    gamma, most = discount_matrix(settings), recipe.time_limit_steps
+    if per_action:
+        discounts = np.stack([gamma] * (most + 1))
+    else:
+        discounts = discount_powers(gamma, 1.0 / settings.discount_steps, most)
+    tolerances = np.array([channel.tolerance for channel in settings.channels])
+    return Criteria(earned, once, discounts, tolerances)
 
 
 def solo_scene(
@@ -77,11 +115,13 @@ def solo_scene(
         CONCEDED: recipe.conceded_reward,
     }
     table = make_table(1, actions) if table is None else table
-    mind = Mind(learner, table, store=store, at_random=at_random, rewards=rewards)
+    criteria = criteria_of(recipe) if role == LEARNER else None
+    mind = Mind(learner, table, store=store, at_random=at_random, rewards=rewards, criteria=criteria)
     mate = 1 if recipe.task == "pass" else -1
     parts = [Part(role, mind, mate=mate, guesses=role != RANDOM)]
     if recipe.mover.kind != "none":
-        other = Mind(_NOT_LEARNING, make_table(1, table.values.shape[1]))  # tables of a scene are of one width
+        like = table.actor.shape  # tables of a scene are of one width
+        other = Mind(_NOT_LEARNING, make_table(1, like[1], channels=like[2]))
         team, sees = int(recipe.task == "defend"), bool(played)
         target = _BALL_BODY if recipe.mover.kind == _AT_THE_BALL else 0
         mates = 0 if mate > 0 else -1

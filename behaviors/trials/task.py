@@ -23,6 +23,7 @@ from coevo.stage.roles import LEARNER
 
 __all__ = [
     "AVOID",
+    "BUMPED",
     "CHANNELS",
     "COLLIDED",
     "COLLISION",
@@ -31,6 +32,7 @@ __all__ = [
     "FAILURE",
     "GOING",
     "HOME",
+    "KICKED",
     "MOVERS",
     "PASS",
     "PASSED",
@@ -43,6 +45,7 @@ __all__ = [
     "SUCCEEDED",
     "SUCCESS",
     "TASKS",
+    "TOUCHED",
     "Tally",
     "TaskParams",
     "judge",
@@ -52,11 +55,12 @@ SHOOT, PASS, AVOID, SEARCH, PASS_AND_SHOOT, DEFEND, HOME = range(7)
 TASKS = ("shoot", "pass", "avoid", "search", "pass and shoot", "defend", "home")
 MOVERS = ("none", "standing", "random", "chaser", "skill")
 PASSER, SHOOTER = 0, 1
-# How a trial stands. A stray goal: one that the shooter of the task of two did not touch last.
+# How a trial stands. A stray goal: one that the shooter of the task of two, or the learner, did not touch last.
 SUCCESS, FAILURE, COLLISION, STRAY_GOAL = range(GOING + 1, GOING + 5)
-# What a robot may be rewarded for in a step, in the order in which rewards are added.
-PASSED, SUCCEEDED, COLLIDED, CONCEDED = range(4)
-CHANNELS = 4
+# What a robot may be rewarded for in a step, in the order in which rewards are added. Contact lasts: kicked is that it
+# begins with the ball; touched is that there is some in the step, bumped the same of another robot.
+PASSED, SUCCEEDED, COLLIDED, CONCEDED, KICKED, TOUCHED, BUMPED = range(7)
+CHANNELS = 7
 _HOME_M = 1.0  # from the middle of its goal, a robot is at home
 
 
@@ -69,6 +73,8 @@ class TaskParams(NamedTuple):
     every_pass: reward each pass of a trial, not only the first.
     patience: for how many steps a learner may not see what its skill needs before the trial ends.
     gathering: only experience is wanted: a trial ends with the ball, or when the store is full.
+    goal_ends: of a task of one: nothing ends a trial but goals and time. by_last_touch: only a goal after a touch of
+        the learner is its own.
     """
 
     task: int
@@ -81,6 +87,8 @@ class TaskParams(NamedTuple):
     every_pass: bool
     patience: int
     gathering: bool
+    goal_ends: bool = False
+    by_last_touch: bool = False
 
 
 class Tally(NamedTuple):
@@ -90,6 +98,7 @@ class Tally(NamedTuple):
     passes: (1,) int64, so far.
     nearer: (1,) int64, the robot that started nearer to the ball. trial: (1,) int64, number of the trial.
     lost_for: (1,) int64, for how many steps a learner has not seen what its skill needs.
+    touched, collisions: (1,) int64, of robot 0: whether it touched the ball in the step before, and collisions so far.
     """
 
     rewards: NDArray[np.float64]
@@ -97,6 +106,8 @@ class Tally(NamedTuple):
     nearer: NDArray[np.int64]
     trial: NDArray[np.int64]
     lost_for: NDArray[np.int64]
+    touched: NDArray[np.int64]
+    collisions: NDArray[np.int64]
 
 
 @inlined
@@ -122,11 +133,24 @@ def _judge_sight(task: TaskParams, stage: Stage, tally: Tally) -> int:
 
 
 @inlined
+def _note_contacts(stage: Stage, tally: Tally) -> None:
+    """Fill what robot 0 may be rewarded for by contact with the ball."""
+    if in_contact(stage.limits, stage.body.ball_gap[0]):
+        tally.rewards[0, TOUCHED] = 1.0
+        if tally.touched[0] == 0:
+            tally.rewards[0, KICKED] = 1.0
+    tally.touched[0] = int(tally.rewards[0, TOUCHED])
+
+
+@inlined
 def _judge_one(task: TaskParams, stage: Stage, tally: Tally) -> int:
     body = stage.body
     tally.passes[0] = stage.events.passes[0]
+    _note_contacts(stage, tally)
     scored = goal_scored(stage.physics, body.state)
     if task.task == SHOOT and scored == 0:
+        if task.by_last_touch and stage.events.last_touch[0] != 0:
+            return STRAY_GOAL
         tally.rewards[0, SUCCEEDED] = 1.0
         return SUCCESS
     if task.task == PASS and tally.passes[0] > 0:
@@ -138,15 +162,20 @@ def _judge_one(task: TaskParams, stage: Stage, tally: Tally) -> int:
             return FAILURE
         return SUCCESS if scored == 0 else _judge_sight(task, stage, tally)
     if body.ball_gap.shape[0] > 1 and in_contact(stage.limits, body.robot_gap[0, 1]):
-        tally.rewards[0, COLLIDED] = 1.0
-        return COLLISION
+        tally.rewards[0, BUMPED] = 1.0
+        if not task.goal_ends:
+            tally.rewards[0, COLLIDED] = 1.0
+            return COLLISION
+        if stage.events.collisions[0] > tally.collisions[0]:
+            tally.collisions[0] = stage.events.collisions[0]
+            tally.rewards[0, COLLIDED] = 1.0
     if task.task == SEARCH and stage.memory.areas[0, BALL] > 0.0:
         tally.rewards[0, SUCCEEDED] = 1.0
         return SUCCESS
     if task.task == HOME and math.hypot(body.state[0, 0], body.state[0, 1] - 0.5 * stage.physics.width) < _HOME_M:
         tally.rewards[0, SUCCEEDED] = 1.0
         return SUCCESS
-    if task.task < AVOID and (scored >= 0 or out_of_field(stage.physics, body.state, 0)):
+    if task.task < AVOID and (scored >= 0 or (not task.goal_ends and out_of_field(stage.physics, body.state, 0))):
         return FAILURE
     return _judge_sight(task, stage, tally)
 

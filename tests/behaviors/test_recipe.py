@@ -130,6 +130,9 @@ LATER = {
         "storage": "sparse",
         "alpha_visits": 0.0,
         "patience_steps": 10,
+        "choice": "sum",
+        "actor": "literal",
+        "beta": 0.1,
     },
 }
 
@@ -147,6 +150,7 @@ def test_a_skill_file_tells_younger_settings_only_where_they_are_not_the_default
         *zip(plain["objects"], every["objects"], parts.get("objects", PLAIN["objects"]), strict=True),
     ]:
         younger = {"estimator", "lost_states", "needed", "update", "discount_per", "storage", "patience_steps"}
+        younger |= {"method", "choice", "actor", "beta"}  # chapter 5
         assert set(known) - set(told) == (set(known) & younger) - set(given)
     assert recipe_digest(recipe) != recipe_digest(msgspec.structs.replace(recipe, trials=24_999))
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from behaviors.tabular.growing import grown_table, grown_values, origins
-from behaviors.tabular.table import all_states, make_table, row_of
+from behaviors.tabular.table import all_states, make_table, row_of, with_room
 from coevo.skill import ObjectModel, Skill, make_bank
 from coevo.skill.estimate import discrete_state, make_memory
 from coevo.skill.model import INPUTS, OBJECT_KINDS
@@ -47,16 +47,14 @@ def by_hand(values, sizes, which):
 def filled(states, seed, *, sparse):
     """Return a table of random values, sparse ones with rows for some states, in any order."""
     rng = np.random.default_rng(seed)
-    table = make_table(states, ACTIONS, sparse=sparse)
+    table = make_table(states, ACTIONS, sparse=sparse, channels=2)
     used = rng.permutation(states)[: states // 2] if sparse else np.arange(states)
-    if sparse:
-        table = table._replace(
-            values=np.zeros((len(used), ACTIONS)), visits=np.zeros((len(used), ACTIONS), np.int64), fixed=used < 0
-        )
+    table = with_room(table, len(used))
     for state in used:
         row = row_of(table, int(state))
         table.values[row], table.visits[row] = rng.integers(-3, 4, ACTIONS), rng.integers(0, 9, ACTIONS)
         table.fixed[row] = rng.random() < 0.3
+        table.critic[row], table.actor[row] = rng.normal(size=2), rng.normal(size=(ACTIONS, 2))
     return table
 
 
@@ -71,6 +69,11 @@ def test_a_grown_table_is_the_one_built_by_hand(sizes, which, seed, sparse):
     assert np.array_equal(after, by_hand(before, sizes, which))
     assert np.array_equal(
         all_states(grown.visits, grown.rows), by_hand(all_states(table.visits, table.rows), sizes, which)
+    )
+    actors = [all_states(one.actor.reshape(len(one.actor), -1), one.rows) for one in (table, grown)]
+    assert np.array_equal(actors[1], by_hand(actors[0], sizes, which))
+    assert np.array_equal(
+        all_states(grown.critic, grown.rows), by_hand(all_states(table.critic, table.rows), sizes, which)
     )
     fixed = all_states(grown.fixed[:, None], grown.rows)
     assert np.array_equal(fixed, by_hand(all_states(table.fixed[:, None], table.rows), sizes, which))

@@ -1,0 +1,136 @@
+"""What several rewards are worth against weighted sums of them, and Figs. 5.4 and 5.7, from a study of chapter 5.
+
+Every finished run of the folder is read, so that a study under way can be looked at; tables are printed and written as
+CSV, figures as SVG, into ``report``. Runs of one seed have the same models and the same trials to begin with, so arms
+are compared within seeds.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import numpy as np
+import pandas as pd
+
+from analysis.chapter3_figures import line_chart
+from analysis.chapter5_runs import CARD, WHILE, Arms, common, read_arms
+from analysis.charts import altair
+from analysis.written import Report, Rows, frame_table, mean_words, write_report
+from coevo.console import output_options
+from coevo.statistics import probability_of_improvement
+
+if TYPE_CHECKING:
+    import altair as alt
+
+__all__ = ["comparisons", "curves", "on_cards", "report", "two_by_two", "while_learning"]
+
+_EARLY = 0.2  # share of the trials that "a little faster" is about
+_CELLS = ("votes-one-discount", "votes", "sum-one-discount", "sum")
+
+
+def on_cards(arms: Arms) -> Report:
+    """Return what the skills of each arm are worth: the greedy policy on unseen starts, means over sets."""
+    rows: Rows = []
+    for name, runs in arms.items():
+        told = [
+            mean_words([run.on_card(what) for run in runs], most=np.inf if what == "contact" else 1.0) for what in CARD
+        ]
+        rows.append([name, str(len(runs)), *told])
+    header = ["arm", "sets", "success", "success anywhere", "trials with collisions", "steps of contact a trial"]
+    return {"on-cards": (header, rows)}
+
+
+def while_learning(arms: Arms) -> Report:
+    """Return how often what is rewarded happened while each arm learned, per trial, with exploration."""
+    rows: Rows = []
+    for name, runs in arms.items():
+        early = mean_words([run.while_learning("goals", _EARLY) for run in runs], most=1.0)
+        told = [mean_words([run.while_learning(what) for run in runs], most=1.0) for what in WHILE]
+        best = mean_words([run.best_block for run in runs], most=1.0)
+        rows.append([name, str(len(runs)), early, told[0], best, *told[1:]])
+    header = ["arm", "sets", "goals, first fifth", "goals", "best block", "trials with collisions", "trials with kicks"]
+    return {"while-learning": (header, rows)}
+
+
+def comparisons(arms: Arms) -> Report:
+    """Return by how much success and collisions on the card differ within sets, and how probably one arm is better."""
+    header = ["arms", "sets", "success", "probability of more", "collisions", "goals, first fifth"]
+    rows: Rows = []
+    for name in arms:
+        for base in [one for one in ("votes", "w0", "q") if one in arms and one != name]:
+            success = common(arms[name], arms[base], "success")
+            if (base != "votes" and name == "votes") or not success.size:
+                continue
+            bumps = common(arms[name], arms[base], "collisions")
+            early = [{run.seed: run.while_learning("goals", _EARLY) for run in arms[arm]} for arm in (name, base)]
+            sooner = [early[0][seed] - early[1][seed] for seed in sorted(early[0].keys() & early[1].keys())]
+            told = [mean_words((one[0] - one[1]).tolist(), least=-1.0, most=1.0) for one in (success, bumps)]
+            better = "{:.2f} [{:.2f}, {:.2f}]".format(*probability_of_improvement(*success))
+            first = mean_words(sooner, least=-1.0, most=1.0)
+            rows.append([f"{name} - {base}", str(success.shape[1]), told[0], better, told[1], first])
+    return {"comparisons": (header, rows)}
+
+
+def two_by_two(arms: Arms) -> Report:
+    """Return the 2 x 2 of discounts and choice: what each adds to success, over both ways of the other.
+
+    The last is what both together add beyond the two.
+    """
+    cells = [{run.seed: run.on_card("success") for run in arms.get(name, [])} for name in _CELLS]
+    seeds = sorted(set.intersection(*(set(cell) for cell in cells)))
+    effects = {
+        "a discount for each": (-0.5, 0.5, -0.5, 0.5),
+        "votes, not the sum": (0.5, 0.5, -0.5, -0.5),
+        "both, beyond the two": (-1.0, 1.0, 1.0, -1.0),
+    }
+    rows: Rows = []
+    for effect, weights in effects.items():
+        if seeds:
+            sums = [sum(weight * cell[seed] for weight, cell in zip(weights, cells, strict=True)) for seed in seeds]
+            rows.append([effect, str(len(seeds)), mean_words(sums, least=-2.0, most=2.0)])
+    return {"two-by-two": (["effect of", "sets", "success"], rows)}
+
+
+def curves(arms: Arms, what: str) -> pd.DataFrame:
+    """Return one of WHILE per trial, means over sets, over windows of four blocks.
+
+    Returns:
+        Columns ``arm``, ``trial``, ``share``.
+    """
+    parts = [run.curve(what).assign(arm=name) for name, runs in arms.items() for run in runs]
+    means = pd.concat(parts).groupby(["arm", "trial"], sort=False)["share"].mean()
+    return means.reset_index()[["arm", "trial", "share"]]
+
+
+def figures(arms: Arms) -> dict[str, alt.LayerChart]:
+    """Return the charts by the names of their files: Fig. 5.4 is the first, Fig. 5.7 all where robots may collide."""
+    names = {"goals": "goals", "trials with kicks": "kicks", "trials with collisions": "collisions"}
+    found = {}
+    for what, file in names.items():
+        frame = curves(arms, what)
+        if frame["share"].any():
+            titles = (f"{what}, mean over sets", "trial", "share of 1,000 trials")
+            found[f"{file}.svg"] = line_chart(frame, x="trial", y="share", by="arm", titles=titles)
+    return found
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Where tables and figures go; by default FOLDER/report.")
+@output_options
+def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> None:
+    """Make the tables and figures of chapter 5 from the study in FOLDER, which may be under way.
+
+    \b
+    Example: coevo reproduce chapter5 runs/shoot-study
+    """
+    del quiet  # it shows no progress
+    altair()
+    arms = read_arms(folder)
+    shown = {
+        name: one for part in (on_cards, comparisons, two_by_two, while_learning) for name, one in part(arms).items()
+    }
+    others: Report = {"curves": frame_table(curves(arms, "goals"))}
+    write_report(out or folder / "report", shown, others, figures(arms), as_json=as_json)

@@ -10,8 +10,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding
+
+from coevo.compiled import cache_folder
 from coevo.config import EvolutionSettings, RunSettings
 from coevo.game import own_references
+from coevo.kept import with_kept_skills
 from coevo.plugins import own_file
 from coevo.skill import load_skill
 
@@ -33,11 +37,14 @@ _LIBRARIES = (
 
 def environment(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> dict[str, Any]:
     """Return versions, commit, and digests of skills and of modules of one's own beside the recipe."""
+    settings = with_kept_skills(settings, folders)
     skills = settings.terminals if isinstance(settings, RunSettings) else {}
     own = [path for path in (own_file(reference, folders) for reference in own_references(settings)) if path]
     return {
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
+        "processor": llvmlite.binding.get_host_cpu_name(),
+        "kernels": cache_folder().name,  # sources and libraries of compiled code, and the kind of processor
         "versions": {name: importlib.metadata.version(name) for name in _LIBRARIES},
         "commit": _commit(),
         "skills": {name: load_skill(source).digest for name, source in skills.items()},

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -158,9 +157,6 @@ class EvolutionRuns:
         run = _begun(settings, folder, folders)
         release = run.lock()
         try:
-            kept = run.checkpoint()
-            if kept is not None and kept.generation > run.finished:
-                raise InputError(f"{folder} has lost generations that its checkpoint tells of; remove this folder")
             with Evaluator(run.config, workers=1, backend="threads", folders=run.folders) as evaluator:
                 evolve(run, evaluator, lambda _: tick())
                 of = Finished(run, evaluator)
@@ -175,7 +171,6 @@ class EvolutionRuns:
 def _begun(settings: EvolutionSettings, folder: Path, folders: Sequence[Path]) -> Run:
     """Return the run in a folder, made if it is not there; what was made by halves is made anew."""
     if not (folder / "config.toml").exists():
-        shutil.rmtree(folder, ignore_errors=True)
         return create_run(folder, settings, folders)
     run = open_run(folder)
     if run.config != settings:

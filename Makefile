@@ -59,7 +59,7 @@ hooks: $(READY) ## let git check style, types, imports and documentation before 
 
 skills: $(READY) ## learn the installed skills anew from their recipes, and measure them (about 20 minutes)
 	@for skill in shoot pass avoid search shoot-in-view pass-in-view home defend; do \
-		$(BIN)/coevo learn $$skill --out behaviors/pretrained/$$skill || exit 1; \
+		$(BIN)/coevo learn $$skill --restart --out behaviors/pretrained/$$skill || exit 1; \
 	done
 
 bench: $(READY) ## measure speed: the benchmarks in tests/, then `coevo bench`

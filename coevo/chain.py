@@ -1,7 +1,7 @@
 """A chain of digests: what was written, in its order, each line fixed when it is written.
 
-``digests.txt`` has a line for each thing: its name, its SHA-256, and the SHA-256 of the line before with both. So a line
-cannot be changed, left out or put elsewhere without all lines after it: who keeps the last one can tell whether
+``digests.txt`` has a line for each thing: its name, its SHA-256, and the SHA-256 of the line before with both. So a
+line cannot be changed, left out or put elsewhere without all lines after it: who keeps the last one can tell whether
 anything before it is as it was.
 """
 

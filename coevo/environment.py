@@ -14,6 +14,7 @@ import llvmlite.binding
 
 from coevo.compiled import cache_folder
 from coevo.config import EvolutionSettings, RunSettings
+from coevo.files import read_whole
 from coevo.game import own_references
 from coevo.kept import with_kept_skills
 from coevo.plugins import own_file
@@ -48,7 +49,7 @@ def environment(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> di
         "versions": {name: importlib.metadata.version(name) for name in _LIBRARIES},
         "commit": _commit(),
         "skills": {name: load_skill(source).digest for name, source in skills.items()},
-        "own_modules": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in own},
+        "own_modules": {path.name: hashlib.sha256(read_whole(path)).hexdigest() for path in own},
     }
 
 

@@ -41,6 +41,7 @@ __all__ = [
     "read_arrays",
     "read_text",
     "read_whole",
+    "sync_file",
     "write_whole",
 ]
 
@@ -75,6 +76,15 @@ def end_file(partial: Path, path: Path) -> None:
     """Give a file that is written and synced its name, and see to it that the name lasts."""
     partial.replace(path)
     _sync_folder(path.parent)
+
+
+def sync_file(path: Path) -> None:
+    """See to it that what another library wrote into a file lasts."""
+    handle = os.open(path, os.O_RDONLY | _FLAGS)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def write_whole(path: Path, data: bytes) -> None:

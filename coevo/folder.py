@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +133,7 @@ class Folder:
 
     def __init__(self, path: Path, identity: bytes) -> None:
         self.path, self._identity = path, identity
+        self._keeps = False  # whether this process holds the results
 
     @property
     def results(self) -> list[str]:
@@ -146,7 +147,7 @@ class Folder:
         path = self.path / "results" / f"{name}.npz"
         with writing(path):
             make_folder(path.parent, within=self.path)
-        with held(path.parent, _PATIENCE_S):
+        with nullcontext() if self._keeps else held(path.parent, _PATIENCE_S):
             save_whole(path, pack_arrays({**kept, "digest": digest_of(kept)}))
 
     def result(self, name: str) -> dict[str, NDArray[Any]] | None:
@@ -170,6 +171,23 @@ class Folder:
         except (LookupError, OSError, DamagedFileError, TypeError, ValueError) as error:
             raise InputError(f"{path} is damaged ({error}); {remedy}") from None
         return arrays
+
+    @contextmanager
+    def keeping_results(self) -> Iterator[None]:
+        """Keep other processes from keeping results meanwhile: for what plays long and saves often.
+
+        Raises:
+            InputError: another process does so, or the folder cannot be written.
+        """
+        path = self.path / "results"
+        with writing(path):
+            make_folder(path, within=self.path)
+        with held(path):
+            self._keeps = True
+            try:
+                yield
+            finally:
+                self._keeps = False
 
     def forget_results(self) -> None:
         """Remove what was found out, as it is of something else now; it is made anew when it is asked for."""

@@ -14,8 +14,9 @@ from coevo.files import MOST_FILE_BYTES, parse_json, read_text, read_whole
 from coevo.levels import level_lines
 from coevo.run import Run, rows_digest
 from coevo.run_reader import AGAIN, CHAMPIONS, DIGESTS, OLDER, part_name
+from coevo.skill import load_skill, read_card
 
-__all__ = ["Finding", "check_run", "differences", "require_sound", "restore"]
+__all__ = ["Finding", "check_run", "check_skill", "differences", "require_sound", "restore"]
 
 
 class Finding(NamedTuple):
@@ -70,10 +71,13 @@ def _of_the_run(run: Run) -> Iterator[Finding]:
                 "damaged",
                 f"{path} is not of this run: {DIGESTS} does not know it; take it away",
             )
+    there = [number for number in range(generations) if (run.path / part_name(number)).exists()]
     for number in range(generations):
         name = part_name(number)
-        under_way = number == generations - 1 and not (run.path / name).exists()
-        yield Finding(name, "missing") if under_way else _compared(run.path, name, chain.digests[name])
+        if number > max(there, default=-1):  # played again, and compared with what is known of it
+            yield Finding(name, "missing")
+        else:
+            yield _compared(run.path, name, chain.digests[name])
     yield from _of_tables(run, run.finished)
     yield _of_checkpoint(run)
     if CHAMPIONS in chain.digests or (run.path / CHAMPIONS).exists():
@@ -141,7 +145,10 @@ def _of_checkpoint(run: Run) -> Finding:
     if checkpoint is None:
         return Finding(name, "missing")
     if checkpoint.generation > run.finished:
-        why = f"{run.path / part_name(run.finished)} is lost: the checkpoint tells of it; {AGAIN}, or put it back"
+        why = (
+            f"{run.path} has lost generations that its checkpoint tells of; remove this folder and {AGAIN}, or put"
+            f" {part_name(run.finished)} back"
+        )
         return Finding(part_name(run.finished), "damaged", why)
     return Finding(name, "sound")
 
@@ -185,13 +192,26 @@ def differences(run: Run) -> list[str]:
 
 
 def _differences(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
-    found = []
-    for key in ("python", "platform", "processor", "kernels", "commit"):
-        if key in there and there[key] != here[key]:
-            found.append(f"{key} {there[key]} there, {here[key]} here")
+    keys = ("python", "platform", "processor", "kernels", "commit")
+    found = [f"{key} {there[key]} there, {here[key]} here" for key in keys if there.get(key, here[key]) != here[key]]
     versions = there.get("versions")
     for name, version in here["versions"].items():
         was = versions.get(name, version) if isinstance(versions, dict) else version
         if was != version:
             found.append(f"{name} {was} there, {version} here")
     return found
+
+
+def check_skill(folder: Path) -> list[Finding]:
+    """Return what is sound in the folder of a learned skill."""
+    path = folder / "skill.npz"
+    try:
+        skill, card = load_skill(path), read_card(path)
+    except InputError as error:
+        return [Finding("skill.npz", "damaged", str(error))]
+    found = [Finding("skill.npz", "sound")]
+    if not card:
+        return [*found, Finding("card.json", "missing")]
+    if card.get("digest") != skill.digest:
+        return [*found, Finding("card.json", "damaged", f"{folder / 'card.json'} is the card of another skill")]
+    return [*found, Finding("card.json", "sound")]

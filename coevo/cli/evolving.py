@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from coevo.config import EvolutionSettings, RunSettings
-from coevo.console import Progress, duration, emit, note, output_options, table, worker_options
+from coevo.console import Count, Progress, duration, emit, note, output_options, table, worker_options
 from coevo.errors import InputError
 from coevo.recipes import is_path, read_experiment
 
@@ -27,7 +27,7 @@ __all__ = ["evolve", "resume"]
 
 _unseen_option = click.option(
     "--unseen",
-    type=click.IntRange(min=0),
+    type=Count(least=0),
     help="Games at the end that judge the last champions; by default a twentieth of all games, 40 to 400.",
 )
 

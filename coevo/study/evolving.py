@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -171,6 +172,7 @@ class EvolutionRuns:
 def _begun(settings: EvolutionSettings, folder: Path, folders: Sequence[Path]) -> Run:
     """Return the run in a folder, made if it is not there; what was made by halves is made anew."""
     if not (folder / "config.toml").exists():
+        shutil.rmtree(folder, ignore_errors=True)
         return create_run(folder, settings, folders)
     run = open_run(folder)
     if run.config != settings:

@@ -12,7 +12,13 @@ from coevo.config import RunSettings, check, read_toml
 from coevo.errors import InputError
 from coevo.run import create_run, open_run
 
-WRITES = ("digests.txt", "generations.csv", "measures.csv", "part", "checkpoint.npz")  # of one generation, in their order
+WRITES = (
+    "digests.txt",
+    "generations.csv",
+    "measures.csv",
+    "part",
+    "checkpoint.npz",
+)  # of one generation, in their order
 
 
 @pytest.mark.parametrize(

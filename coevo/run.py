@@ -115,10 +115,12 @@ class Run(RunReader):
             lines = read_text(path, MOST_FILE_BYTES).splitlines()
         except (OSError, ValueError) as error:
             raise InputError(f"cannot read {path}: {error}; {remedy}") from None
+        if lines[:1] != [header]:
+            raise InputError(f"{path} is damaged: its first line is not {header[:40]}...; {remedy}")
         width = len(self.evolving)
         parts = [lines[1 + g * width : 1 + (g + 1) * width] for g in range(generations)]
         for generation, part in enumerate(parts):
-            if lines[0] != header or rows_digest(part) != chain.digests.get(f"{name} {generation}"):
+            if rows_digest(part) != chain.digests.get(f"{name} {generation}"):
                 raise InputError(f"{path} is damaged: its rows of generation {generation} were altered; {remedy}")
         return lines[1 : 1 + generations * width]
 

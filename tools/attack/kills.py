@@ -13,6 +13,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from behaviors.learning import warm_up
+from behaviors.recipe import read_recipe as behaviors_recipe
 from coevo.cli import main
 from coevo.files import read_arrays
 from folders import SMALL, results_of
@@ -98,6 +100,7 @@ def commands(folder: Path, finished: Path) -> list[Command]:
         + "".join(f'"{key}" = {value}\n' for key, _, value in (one.partition("=") for one in SMALL))
     )
     study = str(folder / "mine.toml")
+    warm_up(behaviors_recipe("search"))  # once, before processes are made of this one
 
     def evolve(path: Path) -> list[str]:
         return ["evolve", "smoke", "--quiet", "--unseen", "0", "--workers", "1", "--out", str(path), *sets]

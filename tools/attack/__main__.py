@@ -1,4 +1,4 @@
-"""Attack coevo: kills, crashes, damage, links, races, and inputs that nobody means; a table of what was tried and failed.
+"""Attack coevo: kills, crashes, damage, links, races, inputs that nobody means; a table of what was tried and failed.
 
 ``make attack`` does all of it, in about half an hour on two cores; ``make attack ARGS="--scale 0.01"`` a small share.
 With ``--mutation NAME`` a part of the code is taken away first, and the attack must fail.
@@ -17,15 +17,17 @@ from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
 
+from folders import crashes, damages, finish, full_disks, links, small
+from inputs import archives, settings, trees
+from kills import commands, kills, races
+from runner import Case, Tally, try_all
+
 from coevo import chain as digests
 from coevo import files, soundness
 from coevo.console import duration, table
 from coevo.game import prepare
 from coevo.run import create_run
-from folders import crashes, damages, finish, full_disks, links, small
-from inputs import archives, settings, trees
-from kills import commands, kills, races
-from runner import Case, Tally, try_all
+from coevo.run_reader import RunReader
 
 FAMILIES = ("inputs", "damage", "links", "crashes", "kills", "races")
 
@@ -38,8 +40,6 @@ def _skip_digest() -> None:
 def _skip_parts() -> None:
     """Parts are not compared with their digests, wherever they are read."""
     soundness._compared = lambda _folder, name, _digest, **_: soundness.Finding(name, "sound")  # noqa: SLF001
-    from coevo.run_reader import RunReader
-
     RunReader.part_digest = lambda _self, _generation: None  # type: ignore[method-assign]
 
 

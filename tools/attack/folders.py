@@ -13,6 +13,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from unittest import mock
 
+from inputs import mutated
+from runner import Case
+
 from coevo.config import EvolutionSettings, check_experiment, override
 from coevo.errors import InputError
 from coevo.evolution import evolve
@@ -20,8 +23,6 @@ from coevo.evolution.evaluation import Evaluator
 from coevo.recipes import read_recipe
 from coevo.run import create_run, open_run
 from coevo.soundness import check_run
-from inputs import mutated
-from runner import Case
 
 __all__ = ["SMALL", "crashes", "damages", "finish", "full_disks", "links", "results_of", "small"]
 
@@ -163,7 +164,15 @@ def _as_good(name: str, found: bytes, before: bytes) -> bool:
 def links(runs: Mapping[str, Path], folder: Path) -> Iterator[Case]:
     """Yield links in a run's folder at each name that is written: what they point to stays as it is."""
     names = ("digests.txt", "generations.csv", "measures.csv", "checkpoint.npz", "config.toml", "environment.json")
-    laid = [*names, *(f".{name}.partial" for name in names), ".lock", ".begun", "individuals.parquet", "results", "skills"]
+    laid = [
+        *names,
+        *(f".{name}.partial" for name in names),
+        ".lock",
+        ".begun",
+        "individuals.parquet",
+        "results",
+        "skills",
+    ]
     laid += [f"individuals.parquet/{dot}part-00002.parquet{end}" for dot, end in (("", ""), (".", ".partial"))]
     for kind, source in runs.items():
         for name in laid:
@@ -171,7 +180,9 @@ def links(runs: Mapping[str, Path], folder: Path) -> Iterator[Case]:
                 yield Case(
                     "links",
                     f"{kind}, {name}, {'hard' if hard else 'symbolic'}",
-                    lambda s=source, n=name, h=hard, k=kind: _link(s, n, folder / f"{k}-{n.replace('/', '-')}-{h}", hard=h),
+                    lambda s=source, n=name, h=hard, k=kind: _link(
+                        s, n, folder / f"{k}-{n.replace('/', '-')}-{h}", hard=h
+                    ),
                     _SLOW,
                 )
 
@@ -235,7 +246,7 @@ class _Disk:
 
         def watch_sync(handle: int) -> None:
             fsync(handle)
-            path = Path(os.readlink(f"/proc/self/fd/{handle}"))
+            path = Path(f"/proc/self/fd/{handle}").readlink()
             if not str(path).startswith(root):
                 return
             if path.is_dir():

@@ -7,10 +7,12 @@ import random
 import struct
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 import numpy as np
+from runner import Case
 
 from behaviors.recipe import Recipe
 from coevo.config import check, check_experiment, override, read_toml
@@ -20,7 +22,6 @@ from coevo.recipes import read_recipe, recipe_names, recipe_path
 from coevo.skill import load_skill, skill_path
 from coevo.study.plan import StudySettings
 from coevo.tree import Tree, parse, simplify
-from runner import Case
 
 __all__ = ["archives", "settings", "trees"]
 
@@ -56,7 +57,9 @@ def settings(count: int, rng: random.Random, folder: Path) -> Iterator[Case]:
     for text in every[: count // 2]:
         yield Case("--set", text[:100], lambda text=text: _set(recipe, text))
     kinds = {"evolution": check_experiment, "skill": _check_skill, "study": _check_study}
-    texts = [(kind, recipe_path(name, kind).read_bytes()) for kind in ("evolution", "study") for name in recipe_names(kind)]
+    texts = [
+        (kind, recipe_path(name, kind).read_bytes()) for kind in ("evolution", "study") for name in recipe_names(kind)
+    ]
     texts += [("skill", path.read_bytes()) for path in skill_path("shoot").parents[1].glob("*/recipe.toml")]
     for number in range(count - count // 2):
         kind, data = texts[rng.randrange(len(texts))]
@@ -133,7 +136,9 @@ def trees(count: int, rng: random.Random) -> Iterator[Case]:
     for number in range(count):
         seed = rng.getrandbits(64)
         depth = 1000 if number % 50 == 0 else rng.randrange(1, 40)
-        yield Case("trees", f"depth {depth}, seed {seed}", lambda s=seed, d=depth: _tree(random.Random(s), d, questions))
+        yield Case(
+            "trees", f"depth {depth}, seed {seed}", lambda s=seed, d=depth: _tree(random.Random(s), d, questions)
+        )
 
 
 def _tree(rng: random.Random, depth: int, questions: list[str]) -> str:
@@ -216,7 +221,12 @@ def _bombs() -> Iterator[tuple[str, bytes]]:
     for name, shape in shapes.items():
         header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
         yield f"shape-{name}", zipped({"header.npy": _npy(header, bytes(64))})
-    for name, kind in {"object": "|O", "void": "|V9999999", "unicode": "<U999999999", "fields": "[('a', '<f8')]"}.items():
+    for name, kind in {
+        "object": "|O",
+        "void": "|V9999999",
+        "unicode": "<U999999999",
+        "fields": "[('a', '<f8')]",
+    }.items():
         header = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': (3, ), }}\n".encode()
         yield f"kind-{name}", zipped({"header.npy": _npy(header, bytes(64))})
     yield "unfinished", zipped({"header.npy": _npy(b"{'descr': '<f8', (((", b"")})
@@ -240,10 +250,8 @@ def _bombs() -> Iterator[tuple[str, bytes]]:
 def _harm(data: bytes, path: Path) -> str:
     path.write_bytes(data)
     try:
-        try:
+        with suppress(DamagedFileError):
             read_arrays(path)
-        except DamagedFileError:
-            pass
         load_skill(path)
     except InputError:
         return ""

@@ -13,12 +13,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from folders import SMALL, results_of
+from runner import Case
+
 from behaviors.learning import warm_up
 from behaviors.recipe import read_recipe as behaviors_recipe
 from coevo.cli import main
 from coevo.files import read_arrays
-from folders import SMALL, results_of
-from runner import Case
 
 __all__ = ["Command", "commands", "kills", "races"]
 

@@ -161,7 +161,7 @@ class Skill:
         """SHA-256 of everything that decides what the skill does."""
         digest = hashlib.sha256()
         digest.update(f"{FORMAT} {self.drive} {self.min_steps} {self.max_steps}".encode())
-        digest.update(memoryview(np.ascontiguousarray(self.values)).cast("B") if self.values.size else b"")
+        digest.update(np.ascontiguousarray(self.values).reshape(-1).view(np.uint8).data)
         for model in self.objects:
             digest.update(f"{model.kind} {model.history_length} {model.cell!r}".encode())
             if model.lost_states != _LOST_STATES:

@@ -17,7 +17,7 @@ test coverage docs-check: export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help evolve test coverage env lint format types imports wheel-check docs-check hooks skills bench browser screenshots lock clean
+.PHONY: help evolve test coverage env lint format types imports wheel-check docs-check hooks skills bench browser attack screenshots lock clean
 
 help: ## show this list
 	@echo 'make TARGET [ARGS="..."] [PYTHON=python3.12]'
@@ -59,7 +59,7 @@ hooks: $(READY) ## let git check style, types, imports and documentation before 
 
 skills: $(READY) ## learn the installed skills anew from their recipes, and measure them (about 20 minutes)
 	@for skill in shoot pass avoid search shoot-in-view pass-in-view home defend; do \
-		$(BIN)/coevo learn $$skill --out behaviors/pretrained/$$skill || exit 1; \
+		$(BIN)/coevo learn $$skill --restart --out behaviors/pretrained/$$skill || exit 1; \
 	done
 
 bench: $(READY) ## measure speed: the benchmarks in tests/, then `coevo bench`
@@ -73,6 +73,9 @@ browser: ## install Chromium, which tries the pages in the tests, if there is no
 		echo 'There is no Chromium, and it cannot be installed from here: install the package chromium.' >&2; exit 1; }; \
 	echo 'Installing Chromium ...'; \
 	apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null
+
+attack: $(READY) ## attack coevo: kills, crashes, damage, races, hostile input (half an hour): make attack ARGS="--scale 0.1"
+	@$(BIN)/python tools/attack $(ARGS)
 
 screenshots: $(READY) ## make the pictures of the README again: make screenshots ARGS="runs/three-learners-seed0"
 	@$(BIN)/python tools/screenshots.py $(ARGS)

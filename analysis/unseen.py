@@ -55,7 +55,8 @@ def _rows(run: Run, games: int, seed: int) -> list[dict[str, Any]]:
         raise InputError(f"{run.path} is about another game; this compares games of soccer")
     if run.finished < 1:
         raise InputError(f"{run.path} has no finished generation yet; go on with 'coevo resume {run.path}'")
-    game, seeds = SoccerGame(run.config), game_seeds(seed, RunStream.UNSEEN, count=games)
+    game, seeds = run.game, game_seeds(seed, RunStream.UNSEEN, count=games)
+    assert isinstance(game, SoccerGame)
     sides = evolving_teams(game)
     names = [", ".join(role.name for role in game.roles if role.evolves and role.team == side) for side in sides]
     teams = {generation: champions(run, generation) for generation in (0, run.finished - 1)}

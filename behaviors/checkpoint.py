@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from coevo.compiled import cache_folder
 from coevo.errors import InputError
-from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays, write_whole
+from coevo.files import DamagedFileError, digest_of, pack_arrays, parse_json, read_arrays, write_whole
 
 __all__ = ["parts_of", "read_checkpoint", "trials_done", "with_prefix", "write_checkpoint"]
 
@@ -109,7 +109,10 @@ def _read(path: Path, remedy: str = _REMEDY) -> tuple[dict[str, NDArray[Any]], d
         )
     if int(arrays["format"][0]) != _FORMAT:
         raise InputError(f"{path} has format {int(arrays['format'][0])}, this version reads format {_FORMAT}; {remedy}")
-    header: dict[str, Any] = json.loads(bytes(arrays["header"]))
+    try:
+        header: dict[str, Any] = parse_json(bytes(arrays["header"]))
+    except ValueError as error:
+        raise InputError(f"{path} is damaged ({error}); {remedy}") from None
     return arrays, header
 
 

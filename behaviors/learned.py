@@ -17,10 +17,22 @@ from behaviors.recipe import Recipe, recipe_digest
 from coevo.config import to_toml
 from coevo.console import put_off_interrupt
 from coevo.errors import InputError
-from coevo.files import write_whole
+from coevo.files import make_folder, write_whole
+from coevo.folder import held
 from coevo.skill import Skill, load_skill, read_card
 
-__all__ = ["CARD_GAMES", "CHECKPOINT", "SKILL", "card_of", "go_on", "write_learned", "writing"]
+__all__ = [
+    "CARD_GAMES",
+    "CHECKPOINT",
+    "SKILL",
+    "card_bytes",
+    "card_of",
+    "go_on",
+    "held_folder",
+    "is_learned",
+    "write_learned",
+    "writing",
+]
 
 CHECKPOINT, SKILL = "learning.npz", "skill.npz"
 CARD_GAMES = 1000  # starts that cards are measured on
@@ -34,6 +46,19 @@ def writing(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(f"cannot write into {folder}: {error.strerror or error}; choose another --out") from None
+
+
+@contextmanager
+def held_folder(folder: Path) -> Iterator[None]:
+    """Make the folder of a skill, if it is not there, and keep other processes from writing into it meanwhile.
+
+    Raises:
+        InputError: another process learns there, or it cannot be written.
+    """
+    with writing(folder):
+        make_folder(folder)
+    with held(folder):
+        yield
 
 
 def go_on(learning: Learning, checkpoint: Path, report: Callable[[float], None]) -> None:
@@ -55,6 +80,8 @@ def go_on(learning: Learning, checkpoint: Path, report: Callable[[float], None])
                 learning.save(checkpoint)
             saved = time.perf_counter()
             wait = max(_SAVE_EVERY_S, (saved - began) / _SAVE_SHARE)
+    with writing(checkpoint.parent):
+        learning.save(checkpoint)  # what follows takes a while, and what is learned is not to be lost by it
 
 
 def write_learned(folder: Path, learning: Learning, skill: Skill, card: dict[str, Any], recipe: Recipe | None) -> None:
@@ -71,11 +98,16 @@ def write_learned(folder: Path, learning: Learning, skill: Skill, card: dict[str
             (folder / name).unlink(missing_ok=True)
         for name, data in files.items():
             write_whole(folder / name, data)
-        skill.save(folder / SKILL)
         if recipe is not None:
             write_whole(folder / "recipe.toml", to_toml(recipe).encode())
-        write_whole(folder / "card.json", msgspec.json.format(msgspec.json.encode(card), indent=2) + b"\n")
+        skill.save(folder / SKILL)
+        write_whole(folder / "card.json", card_bytes(card))
         (folder / CHECKPOINT).unlink(missing_ok=True)
+
+
+def card_bytes(card: dict[str, Any]) -> bytes:
+    """Return the file that holds a card."""
+    return msgspec.json.format(msgspec.json.encode(card), indent=2) + b"\n"
 
 
 def card_of(folder: Path, recipe: Recipe) -> dict[str, Any] | None:
@@ -86,6 +118,9 @@ def card_of(folder: Path, recipe: Recipe) -> dict[str, Any] | None:
     """
     path = folder / SKILL
     skill, card = load_skill(path), read_card(path)
-    if skill.about.get("recipe_digest") != recipe_digest(recipe) or card.get("digest") != skill.digest:
-        return None
-    return card
+    return card if is_learned(skill, recipe) and card.get("digest") == skill.digest else None
+
+
+def is_learned(skill: Skill, recipe: Recipe) -> bool:
+    """Tell whether a skill was learned by this recipe."""
+    return bool(skill.about.get("recipe_digest") == recipe_digest(recipe))

@@ -226,7 +226,7 @@ class Recipe(FileSettings, frozen=True, kw_only=True):
     """One skill, from nothing or, with ``coordination``, from skills that are there."""
 
     kind: Literal["skill"] = "skill"
-    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]  # a part of the folder's name
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}\Z")]  # a part of the folder's name
     task: Literal["shoot", "pass", "avoid", "search", "defend", "home"]
     description: Annotated[str, Meta(max_length=200)] = ""  # what it does, going on from its name; empty: by its task
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0

@@ -21,6 +21,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -199,8 +200,33 @@ def entry(function: _F) -> _F:
             compiled = numba.njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
         finally:
             numba.config.CACHE_DIR = before
+    compiled._cache = _ForgivingCache(compiled._cache)  # noqa: SLF001 - numba's own name for it
     _entries.append(compiled)
     return cast("_F", compiled)
+
+
+class _ForgivingCache:
+    """numba's cache of one entry, which does without where its files are damaged or cannot be written."""
+
+    def __init__(self, cache: Any) -> None:
+        self._cache = cache
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """Return the machine code for a signature; None if there is none that can be read."""
+        try:
+            return self._cache.load_overload(signature, context)
+        except Exception:  # noqa: BLE001 - a damaged pickle fails in any way
+            with suppress(Exception):
+                self._cache.flush()
+            return None
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Keep machine code, if it can be kept."""
+        with suppress(Exception):
+            self._cache.save_overload(signature, data)
 
 
 def is_compiled(function: Callable[..., Any]) -> bool:

@@ -16,12 +16,15 @@ from typing import Any, Self, TypeVar
 import click
 
 from coevo.errors import InputError
+from coevo.files import make_folder, write_whole
 
 __all__ = [
+    "Count",
     "Progress",
     "cores",
     "duration",
     "emit",
+    "most_workers",
     "note",
     "output_options",
     "put_off_interrupt",
@@ -44,6 +47,30 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+class Count(click.IntRange):
+    """A number of things, 1 or more: not so many that nobody can mean it."""
+
+    def __init__(self, most: int = 1_000_000, least: int = 1) -> None:
+        super().__init__(min=least)
+        self._most = most
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number.
+
+        Raises:
+            click.BadParameter: it is none, or out of range.
+        """
+        number = super().convert(value, param, ctx)
+        if number > self._most:
+            self.fail(f"{number} is too many: {self._most} is the most.", param, ctx)
+        return number
+
+
+def most_workers() -> int:
+    """Return how many workers may be asked for: more would only wait for each other."""
+    return max(64, 4 * cores())
+
+
 def worker_options(command: _F) -> _F:
     """Add --workers and --backend to a command, which receives them as ``workers`` and ``backend``."""
     command = click.option(
@@ -55,7 +82,7 @@ def worker_options(command: _F) -> _F:
     )(command)
     return click.option(
         "--workers",
-        type=click.IntRange(min=1),
+        type=Count(most_workers()),
         default=cores(),
         show_default=True,
         help="How many games at a time.",
@@ -75,8 +102,8 @@ def show(data: dict[str, Any] | list[Any], text: str, *, as_json: bool, out: Pat
     """
     if out is not None:
         try:
-            out.parent.mkdir(parents=True, exist_ok=True)
-            out.write_text(json.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+            make_folder(out.parent)
+            write_whole(out, (json.dumps(data, indent=2, allow_nan=False) + "\n").encode())
         except OSError as error:
             raise InputError(f"cannot write {out}: {error.strerror or error}; choose another --out") from None
     if as_json:

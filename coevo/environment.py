@@ -10,8 +10,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding
+
+from coevo.compiled import cache_folder
 from coevo.config import EvolutionSettings, RunSettings
+from coevo.files import read_whole
 from coevo.game import own_references
+from coevo.kept import with_kept_skills
 from coevo.plugins import own_file
 from coevo.skill import load_skill
 
@@ -33,15 +38,18 @@ _LIBRARIES = (
 
 def environment(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> dict[str, Any]:
     """Return versions, commit, and digests of skills and of modules of one's own beside the recipe."""
+    settings = with_kept_skills(settings, folders)
     skills = settings.terminals if isinstance(settings, RunSettings) else {}
     own = [path for path in (own_file(reference, folders) for reference in own_references(settings)) if path]
     return {
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
+        "processor": llvmlite.binding.get_host_cpu_name(),
+        "kernels": cache_folder().name,  # sources and libraries of compiled code, and the kind of processor
         "versions": {name: importlib.metadata.version(name) for name in _LIBRARIES},
         "commit": _commit(),
         "skills": {name: load_skill(source).digest for name, source in skills.items()},
-        "own_modules": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in own},
+        "own_modules": {path.name: hashlib.sha256(read_whole(path)).hexdigest() for path in own},
     }
 
 

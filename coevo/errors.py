@@ -8,8 +8,15 @@ from collections.abc import Iterable
 __all__ = ["InputError", "nearest_name"]
 
 
+_MOST_LETTERS = 3000  # of a message: what came may be of any length
+
+
 class InputError(ValueError):
     """Something the user gave cannot be used; the message says what was expected, what came and what to do."""
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        return text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]} ..."
 
 
 def nearest_name(word: str, names: Iterable[str]) -> str:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.errors import InputError
-from coevo.files import DamagedFileError, digest_of, lock, pack_arrays, read_arrays, write_whole
+from coevo.files import (
+    DamagedFileError,
+    digest_of,
+    lock,
+    make_folder,
+    pack_arrays,
+    read_arrays,
+    read_whole,
+    write_whole,
+)
 
-__all__ = ["Folder", "read_table", "save_lines", "save_whole", "writing"]
+__all__ = ["Folder", "held", "lock_folder", "read_table", "save_lines", "save_whole", "writing"]
+
+
+_MOST_VALUES = 100_000_000  # of a table
+_PATIENCE_S = 20.0  # for another process that keeps a result
 
 
 @contextmanager
@@ -27,6 +41,37 @@ def writing(path: Path) -> Iterator[None]:
         raise InputError(
             f"cannot write {path}: {reason}. What was saved before is intact; mend this and go on with 'coevo resume'"
         ) from None
+
+
+def lock_folder(path: Path) -> Callable[[], None]:
+    """Keep other processes from writing into a folder; return what lets go of it.
+
+    Raises:
+        InputError: another process holds it, or it cannot be written.
+    """
+    with writing(path):
+        try:
+            return lock(path / ".lock")
+        except BlockingIOError:
+            raise InputError(f"{path} is being written by another coevo process; wait for it or stop it") from None
+
+
+@contextmanager
+def held(path: Path, patience_s: float = 0.0) -> Iterator[None]:
+    """Hold a folder as ``lock_folder`` does, and wait for another process that does for a while."""
+    until = time.monotonic() + patience_s
+    while True:
+        try:
+            release = lock_folder(path)
+            break
+        except InputError:
+            if time.monotonic() >= until:
+                raise
+            time.sleep(0.05)
+    try:
+        yield
+    finally:
+        release()
 
 
 def save_whole(path: Path, data: bytes) -> None:
@@ -55,17 +100,27 @@ def read_table(path: Path, digest: bytes | None, remedy: str) -> Any:
     import pyarrow.parquet as pq
 
     try:
-        data = path.read_bytes()
+        data = read_whole(path)
         if digest is not None and digest != hashlib.sha256(data).digest():
             raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
         # Arrow reads its own buffer, in this thread: a thread of its pool that holds a Python object while Python
         # ends aborts the process (apache/arrow#34314).
-        return pq.ParquetFile(pa.BufferReader(data), pre_buffer=False).read(use_threads=False)
+        file = pq.ParquetFile(pa.BufferReader(data), pre_buffer=False)
+        _check_size(file.metadata)
+        return file.read(use_threads=False)
     except InputError:
         raise
     except (OSError, ValueError, pa.ArrowException) as error:
         first = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path} is damaged ({first}); {remedy}") from None
+
+
+def _check_size(about: Any) -> None:
+    """Refuse a table that declares more values than any generation has, before they are unpacked."""
+    groups = [about.row_group(number) for number in range(about.num_row_groups)]
+    values = sum(group.column(number).num_values for group in groups for number in range(group.num_columns))
+    if max(values, about.num_rows) > _MOST_VALUES:
+        raise ValueError(f"it declares {values} values, and {_MOST_VALUES} is the most")
 
 
 class Folder:
@@ -78,6 +133,7 @@ class Folder:
 
     def __init__(self, path: Path, identity: bytes) -> None:
         self.path, self._identity = path, identity
+        self._keeps = False  # whether this process holds the results
 
     @property
     def results(self) -> list[str]:
@@ -86,11 +142,13 @@ class Folder:
 
     def save_result(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Keep arrays that were found out about this run, whole or not at all."""
-        kept = {**arrays, "run": np.frombuffer(self._identity, np.uint8)}
+        told = {"run": np.frombuffer(self._identity, np.uint8), "name": np.frombuffer(name.encode(), np.uint8)}
+        kept = {**arrays, **told}
         path = self.path / "results" / f"{name}.npz"
         with writing(path):
-            path.parent.mkdir(exist_ok=True)
-        save_whole(path, pack_arrays({**kept, "digest": digest_of(kept)}))
+            make_folder(path.parent, within=self.path)
+        with nullcontext() if self._keeps else held(path.parent, _PATIENCE_S):
+            save_whole(path, pack_arrays({**kept, "digest": digest_of(kept)}))
 
     def result(self, name: str) -> dict[str, NDArray[Any]] | None:
         """Return what was kept under a name, None if nothing was.
@@ -108,9 +166,28 @@ class Folder:
                 raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
             if bytes(arrays.pop("run")) != self._identity:
                 raise InputError(f"{path} belongs to another run; {remedy}")
+            if bytes(arrays.pop("name", name.encode())) != name.encode():  # older ones do not tell
+                raise InputError(f"{path} is a result of another name; {remedy}")
         except (LookupError, OSError, DamagedFileError, TypeError, ValueError) as error:
             raise InputError(f"{path} is damaged ({error}); {remedy}") from None
         return arrays
+
+    @contextmanager
+    def keeping_results(self) -> Iterator[None]:
+        """Keep other processes from keeping results meanwhile: for what plays long and saves often.
+
+        Raises:
+            InputError: another process does so, or the folder cannot be written.
+        """
+        path = self.path / "results"
+        with writing(path):
+            make_folder(path, within=self.path)
+        with held(path):
+            self._keeps = True
+            try:
+                yield
+            finally:
+                self._keeps = False
 
     def forget_results(self) -> None:
         """Remove what was found out, as it is of something else now; it is made anew when it is asked for."""
@@ -120,10 +197,4 @@ class Folder:
 
     def lock(self) -> Callable[[], None]:
         """Keep other processes from writing into this run; return what lets go of it."""
-        with writing(self.path):
-            try:
-                return lock(self.path / ".lock")
-            except BlockingIOError:
-                raise InputError(
-                    f"{self.path} is being written by another coevo process; wait for it or stop it"
-                ) from None
+        return lock_folder(self.path)

@@ -20,6 +20,7 @@ import numpy as np
 from coevo.complexity import Controller, Counted, Rule, at_level, check_rates, check_wholes, rules_of, values_at
 from coevo.config import CriterionSettings, EvolutionSettings, ForeignSettings, LevelsSettings
 from coevo.errors import InputError
+from coevo.files import parse_json
 from coevo.game import Game, Played, check_playable, teams_of
 from coevo.tree import Program
 
@@ -53,7 +54,7 @@ class LevelRecord(NamedTuple):
         Raises:
             LookupError, TypeError, ValueError: it did not, or something else.
         """
-        kept = json.loads((metadata or {})[_KEY])
+        kept = parse_json((metadata or {})[_KEY])
         return cls(
             int(kept["level"]), str(kept["event"]), {name: (int(a), int(n)) for name, (a, n) in kept["counted"].items()}
         )

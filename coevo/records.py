@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from coevo.errors import InputError
+from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,12 +25,14 @@ __all__ = [
     "best_first",
     "columns",
     "individuals_table",
+    "read_checkpoint",
     "read_record",
     "table_lines",
 ]
 
 # How an individual came into being; a stored one has the number of its operator.
 OPERATORS = ("creation", "elite", "reproduction", "crossover", "mutation")
+_FORMAT = 3  # of the checkpoint; 2 kept digests of parts, 1 did not tell where individuals came from
 CHOSE = "chose_"  # before the name of a terminal: the column that says how often it was chosen
 
 
@@ -108,6 +114,52 @@ class Checkpoint:
         populations = {r: np.split(arrays[f"codes_{r}"], np.cumsum(arrays[f"sizes_{r}"])[:-1]) for r in roles}
         origins = {r: Origins(arrays[f"operator_{r}"], arrays[f"parents_{r}"]) for r in populations}
         return cls(int(arrays["generation"][0]), populations, origins)
+
+    def to_bytes(self, run: bytes, head: str) -> bytes:
+        """Return the file that holds it.
+
+        Args:
+            run: identity of the run.
+            head: of the chain of its digests, as it stands.
+        """
+        arrays: dict[str, NDArray[Any]] = {
+            "format": np.array([_FORMAT]),
+            "run": np.frombuffer(run, np.uint8),
+            "chain": np.frombuffer(bytes.fromhex(head), np.uint8),
+            **self.arrays(),
+        }
+        return pack_arrays({**arrays, "digest": digest_of(arrays)})
+
+
+def read_checkpoint(path: Path, run: bytes, heads: Iterable[str], roles: Iterable[int]) -> Checkpoint:
+    """Read what ``Checkpoint.to_bytes`` gave.
+
+    Args:
+        path: the file.
+        run: identity of the run.
+        heads: of the chain of its digests: what was its head when a checkpoint was written.
+        roles: that evolve.
+
+    Raises:
+        InputError: it is damaged, or belongs to another run.
+    """
+    remedy = "delete it and resume again: it is made anew from individuals.parquet"
+    try:
+        arrays = read_arrays(path)
+        stored = arrays.pop("digest")
+        if not np.array_equal(stored, digest_of(arrays)):
+            raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
+        if int(arrays["format"][0]) != _FORMAT:
+            raise InputError(f"{path} has format {int(arrays['format'][0])}, this version reads {_FORMAT}; {remedy}")
+        if bytes(arrays["run"]) != run:
+            raise InputError(f"{path} belongs to another run: its settings are not those of config.toml; {remedy}")
+        if bytes(arrays["chain"]).hex() not in set(heads):
+            raise InputError(f"{path} belongs to another run, which went otherwise: digests.txt says so; {remedy}")
+        return Checkpoint.of(arrays, roles)
+    except InputError:
+        raise
+    except (ValueError, TypeError, LookupError, OSError, DamagedFileError) as error:
+        raise InputError(f"{path} is damaged ({error}); {remedy}") from None
 
 
 def columns(counts: Sequence[str]) -> list[str]:

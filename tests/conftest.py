@@ -111,7 +111,7 @@ def go_on():
     """Return a function that brings a run to its end in this process."""
 
     def bring(run, *, workers=1, backend="threads", report=lambda _: None):
-        with Evaluator(run.config, workers=workers, backend=backend) as evaluator:
+        with Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator:
             evolve(run, evaluator, report)
         return open_run(run.path)
 

@@ -39,7 +39,7 @@ from pages import TIME, Block, LieError, Page, read_page
 
 from behaviors.recipe import read_recipe
 from behaviors.schedule.recipe import read_schedule
-from coevo.cli import _cli
+from coevo.cli.commands import cli
 from coevo.cli.reproducing import reproduce
 from coevo.errors import InputError
 from coevo.recipes import is_path, read_experiment
@@ -170,8 +170,8 @@ def parse(words: list[str], *, whole: bool) -> None:
     Raises:
         InputError, click.ClickException: it is wrong.
     """
-    group: click.Command = _cli
-    context = click.Context(_cli, info_name="coevo")
+    group: click.Command = cli
+    context = click.Context(cli, info_name="coevo")
     path: list[str] = []
     while isinstance(group, click.Group) and words and not words[0].startswith("-"):
         _, command, words = group.resolve_command(context, words)

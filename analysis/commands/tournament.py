@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import click
 
-from coevo.console import Progress, duration, note, output_options, show, table, worker_options
+from coevo.console import Count, Progress, duration, note, output_options, show, table, worker_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +27,7 @@ _SHOWN = 10  # generations in the table
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--games", type=click.IntRange(min=1), default=20, show_default=True, help="Of each pair.")
+@click.option("--games", type=Count(), default=20, show_default=True, help="Of each pair.")
 @click.option(
     "--every", type=click.IntRange(min=1), default=1, show_default=True, help="K-th generation, and the last."
 )
@@ -104,7 +104,10 @@ def tournament(
     known += [read_outsider(run, text) for text in dict.fromkeys(outsiders) if text not in singles]
     prepare(run.config, lambda text: note(text, quiet=quiet))
     try:
-        with Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator:
+        with (
+            run.keeping_results(),
+            Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator,
+        ):
             with _Steps("pairs of generations", quiet=quiet) as steps:
                 played = play_tournament(
                     run, evaluator, generations=generations, games=games, individuals=individuals, report=steps.report

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import msgspec
 
-from coevo.console import Progress, emit, note, output_options
+from coevo.console import Count, Progress, emit, note, output_options
 from coevo.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ _FILMED = 5  # trials
 )
 @click.option(
     "--games",
-    type=click.IntRange(min=1),
+    type=Count(),
     default=_GAMES,
     show_default=True,
     help="How many trials measure the result.",
@@ -44,7 +44,7 @@ _FILMED = 5  # trials
     "--video", type=click.Path(path_type=Path), help="Then show 5 trials of what was learned: .html, .mp4 or .gif."
 )
 @click.option("--resume", is_flag=True, help="Go on with the unfinished learning in the folder.")
-@click.option("--restart", is_flag=True, help="Throw away the unfinished learning in the folder.")
+@click.option("--restart", is_flag=True, help="Throw away the learning, or the skill, in the folder.")
 @output_options
 def learn(
     *,
@@ -72,7 +72,7 @@ def learn(
              coevo learn chapter3/shoot-avoiding
     """
     from behaviors.cards import make_card
-    from behaviors.learned import CHECKPOINT, write_learned, writing
+    from behaviors.learned import CHECKPOINT, SKILL, held_folder, write_learned, writing
     from behaviors.recipe import is_recipe_of, read_recipe
     from coevo.replay import check_video
     from coevo.seeds import StartsSeed
@@ -92,31 +92,51 @@ def learn(
     recipe = msgspec.structs.replace(recipe, **changes)
     folder = out if out is not None else Path("runs") / "skills" / f"{recipe.name}-seed{recipe.seed}"
     checkpoint = folder / CHECKPOINT
-    if resume and not checkpoint.exists() and (folder / "skill.npz").exists():
-        card = _finished(folder, recipe)
-        _film(folder, recipe, video)
-        _show(folder, card, as_json=as_json, said=_written(f"Finished before: {folder}", video))
-        return
-    if not resume and not restart and checkpoint.exists():
-        _refuse(checkpoint)
-    _prepare(folder)
-    if (folder / "skill.npz").exists() and out is None:
-        note(f"{folder} is replaced.", quiet=quiet)
-    learning = _begin(recipe, checkpoint, resume=resume, quiet=quiet)
-    try:
-        _go_on(learning, recipe, checkpoint, quiet=quiet)
-        skill = learning.skill()
-        card = make_card(recipe, skill, games=games, seed=StartsSeed.CARDS)
-    except KeyboardInterrupt:
-        with writing(folder):
-            learning.save(checkpoint)
-        counted = None if games == _GAMES else games
-        again = _again(source, seed=seed, trials=trials, drive=drive, out=out, games=counted, video=video)
-        note(f"Stopped; {learning.done} of {recipe.trials} trials are saved. Go on with: {again}")
-        raise
-    write_learned(folder, learning, skill, card, None if is_recipe_of(source, folder) else recipe)
+    finished = resume and not checkpoint.exists() and (folder / SKILL).exists()
+    if not finished:
+        _refuse_taken(folder, recipe, out, resume=resume, restart=restart)
+    with held_folder(folder):
+        if finished:
+            card = _finished(folder, recipe, games)
+            said = f"Finished before: {folder}"
+        else:
+            if (folder / SKILL).exists() and not resume:
+                note(f"{folder} is replaced.", quiet=quiet)
+            learning = _begin(recipe, checkpoint, resume=resume, quiet=quiet)
+            try:
+                _go_on(learning, recipe, checkpoint, quiet=quiet)
+                skill = learning.skill()
+                card = make_card(recipe, skill, games=games, seed=StartsSeed.CARDS)
+            except KeyboardInterrupt:
+                with writing(folder):
+                    learning.save(checkpoint)
+                counted = None if games == _GAMES else games
+                again = _again(source, seed=seed, trials=trials, drive=drive, out=out, games=counted, video=video)
+                note(f"Stopped; {learning.done} of {recipe.trials} trials are saved. Go on with: {again}")
+                raise
+            write_learned(folder, learning, skill, card, None if is_recipe_of(source, folder) else recipe)
+            said = f"Written: {folder}"
     _film(folder, recipe, video)
-    _show(folder, card, as_json=as_json, said=_written(f"Written: {folder}", video))
+    _show(folder, card, as_json=as_json, said=_written(said, video))
+
+
+def _refuse_taken(folder: Path, recipe: Recipe, out: Path | None, *, resume: bool, restart: bool) -> None:
+    """Refuse a folder with an unfinished learning, or with another skill, unless the user said what to do with it."""
+    from behaviors.learned import CHECKPOINT, SKILL, is_learned
+    from coevo.skill import load_skill
+
+    if resume or restart:
+        return
+    if (folder / CHECKPOINT).exists():
+        _refuse(folder / CHECKPOINT)
+    if out is None or not (folder / SKILL).exists():
+        return
+    try:
+        same = is_learned(load_skill(folder / SKILL), recipe)
+    except InputError:
+        same = False
+    if not same:
+        raise InputError(f"{folder} holds another skill; replace it with --restart, or choose another --out")
 
 
 def _written(said: str, video: Path | None) -> str:
@@ -145,16 +165,28 @@ def _refuse(checkpoint: Path) -> None:
     )
 
 
-def _finished(folder: Path, recipe: Recipe) -> dict[str, Any]:
-    """Return the card of a learning that is finished, and therefore needs no going on."""
-    from behaviors.learned import card_of
+def _finished(folder: Path, recipe: Recipe, games: int) -> dict[str, Any]:
+    """Return the card of a learning that is finished; one that a kill has kept from being written is made."""
+    from behaviors.cards import make_card
+    from behaviors.learned import SKILL, card_bytes, card_of, is_learned, writing
+    from coevo.files import write_whole
+    from coevo.seeds import StartsSeed
+    from coevo.skill import load_skill
 
-    card = card_of(folder, recipe)
-    if card is None:
+    skill = load_skill(folder / SKILL)
+    if not is_learned(skill, recipe):
         raise InputError(
-            f"{folder} holds another skill and no unfinished learning; leave out --resume to replace it, or choose"
-            " another --out"
+            f"{folder} holds another skill and no unfinished learning; replace it with --restart, or choose another"
+            " --out"
         )
+    try:
+        card = card_of(folder, recipe)
+    except InputError:
+        card = None
+    if card is None:
+        card = make_card(recipe, skill, games=games, seed=StartsSeed.CARDS)
+        with writing(folder):
+            write_whole(folder / "card.json", card_bytes(card))
     return card
 
 
@@ -216,16 +248,6 @@ def _show(folder: Path, card: dict[str, Any], *, as_json: bool, said: str) -> No
             for line in describe(who + starts, data):
                 click.echo(line)
     click.echo(said)
-
-
-def _prepare(folder: Path) -> None:
-    from behaviors.learned import writing
-
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / "skill.npz.partial"
-        probe.touch()
-        probe.unlink()
 
 
 def tell_compiling(*, quiet: bool) -> None:

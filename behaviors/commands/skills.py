@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from behaviors.commands.learning import tell_compiling
-from coevo.console import emit, output_options, show, table
+from coevo.console import Count, emit, output_options, show, table
 from coevo.errors import InputError
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def skills(context: click.Context, *, as_json: bool, quiet: bool) -> None:
 
 @skills.command()
 @click.argument("skill")
-@click.option("--games", type=click.IntRange(min=1), default=1000, show_default=True)
+@click.option("--games", type=Count(), default=1000, show_default=True)
 @click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=7, show_default=True)
 @click.option("--starts", type=click.Choice(["in-view", "anywhere"]), default="in-view", show_default=True)
 @output_options

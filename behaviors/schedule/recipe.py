@@ -81,7 +81,7 @@ class Schedule(FileSettings, frozen=True, kw_only=True):
     """One method: how a passer and a shooter learn, from nothing to the other world."""
 
     kind: Literal["schedule"] = "schedule"
-    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}\Z")]
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     periods: Literal["scheduled", "simultaneous"] = "scheduled"  # simultaneous: both learn in all trials at once
     trials: Annotated[int, Meta(ge=1, le=10_000_000)] = 25_000  # [T] a period; simultaneous: four times as many

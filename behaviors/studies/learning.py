@@ -12,7 +12,7 @@ from msgspec import UNSET
 
 from behaviors.cards import make_card
 from behaviors.curriculum import check_curriculum
-from behaviors.learned import CARD_GAMES, CHECKPOINT, SKILL, card_of, go_on, write_learned, writing
+from behaviors.learned import CARD_GAMES, CHECKPOINT, SKILL, card_of, go_on, held_folder, write_learned, writing
 from behaviors.learning import Learning, warm_up
 from behaviors.lpm import PersistentExcitationWarning
 from behaviors.recipe import Recipe, named_recipes, of_seed
@@ -76,8 +76,11 @@ class SkillRuns:
 
 def _learned(recipe: Recipe, folder: Path, tick: Callable[[], None]) -> dict[str, Any]:
     """Learn from wherever the learning in a folder stands, write the folder, and return the card."""
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
+    with held_folder(folder):
+        return _learned_there(recipe, folder, tick)
+
+
+def _learned_there(recipe: Recipe, folder: Path, tick: Callable[[], None]) -> dict[str, Any]:
     checkpoint = folder / CHECKPOINT
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PersistentExcitationWarning)  # the recipe asks for it, again and again

@@ -1,75 +1,31 @@
 """The command line: the one place where everything is put together."""
 
-from __future__ import annotations
-
 import os
 import sys
-
-import click
-
-from coevo.cli.bench import bench
-from coevo.cli.evolving import evolve, resume
-from coevo.cli.plugins import PluggedGroup
-from coevo.cli.reproducing import reproduce
-from coevo.cli.showing import inspect, play
-from coevo.cli.studying import study
-from coevo.errors import InputError
 
 __all__ = ["main"]
 
 
-@click.group(
-    cls=PluggedGroup,
-    entry_points="coevo.commands",
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-)
-@click.version_option(package_name="coevo")
-def _cli() -> None:
-    """Co-evolve teams of robots: trees that choose among learned skills, tried out in vision-based soccer.
-
-    \b
-    Begin with:
-      coevo evolve smoke
-      coevo report runs/smoke-seed0
-      coevo inspect runs/smoke-seed0
-      coevo play runs/smoke-seed0 --video game.html
-    """
-
-
-for _command in (evolve, resume, study, inspect, play, bench, reproduce):
-    _cli.add_command(_command)
-
-
 def main() -> None:
-    """Run the command line; the exit code is 0 done, 1 failed, 2 wrong input, 130 stopped."""
+    """Run the command line; the exit code is 0 done, 1 failed, 2 wrong input, 130 stopped.
+
+    What takes a while to import is imported here, so that who stops it meanwhile sees no traceback.
+    """
     try:
-        code = _cli.main(prog_name="coevo", standalone_mode=False)  # what Exit was raised with is returned
-        if isinstance(code, int) and code:
-            sys.exit(code)
-    except InputError as error:
-        click.echo(f"coevo: {error}", err=True)
-        sys.exit(2)
-    except click.exceptions.NoArgsIsHelpError as error:
-        click.echo(error.format_message())
-        sys.exit(2)
-    except click.ClickException as error:
-        hint = ""
-        if isinstance(error, click.UsageError) and error.ctx is not None:
-            hint = f" See '{error.ctx.command_path} --help'."
-        click.echo(f"coevo: {error.format_message()}{hint}", err=True)
-        sys.exit(2)
-    except (KeyboardInterrupt, click.Abort):
-        click.echo("coevo: stopped", err=True)
+        _mend_streams()
+        from coevo.cli.commands import run
+
+        run()
+    except KeyboardInterrupt:
+        print("coevo: stopped", file=sys.stderr)  # noqa: T201 - click may not be imported yet
         sys.exit(130)
-    except BrokenPipeError:  # the reader of our output has gone, such as 'head'
-        _drop_output()
-        sys.exit(1)
-    except OSError as error:
-        click.echo(f"coevo: cannot write the output: {error.strerror or error}", err=True)
-        _drop_output()
-        sys.exit(1)
 
 
-def _drop_output() -> None:
-    """Let Python end without trying once more to write what cannot be written."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _mend_streams() -> None:
+    """Put something in the place of streams that are closed; what a terminal cannot show is shown by its number."""
+    for name in ("stdin", "stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: PTH123, SIM115
+        elif name != "stdin" and hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")

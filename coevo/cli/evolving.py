@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from coevo.config import EvolutionSettings, RunSettings
-from coevo.console import Progress, duration, emit, note, output_options, table, worker_options
+from coevo.console import Count, Progress, duration, emit, note, output_options, table, worker_options
 from coevo.errors import InputError
 from coevo.recipes import is_path, read_experiment
 
@@ -27,7 +27,7 @@ __all__ = ["evolve", "resume"]
 
 _unseen_option = click.option(
     "--unseen",
-    type=click.IntRange(min=0),
+    type=Count(least=0),
     help="Games at the end that judge the last champions; by default a twentieth of all games, 40 to 400.",
 )
 
@@ -113,14 +113,34 @@ def resume(*, folder: Path, workers: int, backend: str, unseen: int | None, as_j
     Example: coevo resume runs/three-learners-seed0
     """
     from coevo.run import open_run
+    from coevo.soundness import differences, require_sound
 
     run = open_run(folder)
+    require_sound(run)
+    different = differences(run)
+    if different:
+        note(
+            f"Beware: this run was begun under other conditions ({'; '.join(different)}), so its bytes may come out"
+            " otherwise than if it had gone on there."
+        )
     if run.is_finished:
+        _restored(run)
         note(f"{folder} is finished: all {run.config.gp.generations} generations are there.", quiet=quiet)
         judged = _judged(run, workers, backend, unseen, quiet=quiet)
         _summarise(run, 0.0, judged, as_json=as_json)
         return
     _go_on(run, workers, backend, unseen, as_json=as_json, quiet=quiet)
+
+
+def _restored(run: Run) -> None:
+    """Make tables of a finished run anew that are lost."""
+    from coevo.soundness import restore
+
+    release = run.lock()
+    try:
+        restore(run)
+    finally:
+        release()
 
 
 def _go_on(run: Run, workers: int, backend: str, unseen: int | None, *, as_json: bool, quiet: bool) -> None:

@@ -10,21 +10,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 import numpy as np
 
-from coevo.console import emit, note, output_options, table
+from coevo.console import Count, emit, note, output_options, table
 from coevo.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from coevo.game import Game
     from coevo.run import Run
+    from coevo.stage import Trace
     from coevo.tree import Tree
     from coevo.tree.rules import Rule
     from coevo.usage import UsedTree
 
 __all__ = ["inspect", "play"]
+
+_SHOWN = 5000  # games; all of them are in memory until they are written
 
 
 @click.command()
@@ -135,7 +138,7 @@ def _told(used: UsedTree) -> dict[str, Any]:
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--generation", type=click.IntRange(min=0), help="By default the last that is finished.")
-@click.option("--games", type=click.IntRange(min=1), help="How many new games between the best.  [default: 20]")
+@click.option("--games", type=Count(), help="How many new games between the best.  [default: 20]")
 @click.option(
     "--seed",
     type=click.IntRange(min=0, max=2**63 - 1),
@@ -177,6 +180,10 @@ def play(
     from coevo.run import open_run
     from coevo.usage import last_generation
 
+    if trace is not None and video is not None and trace.absolute() == video.absolute():
+        raise InputError(f"--trace and --video cannot both be {trace}; give two names")
+    if games is not None and games > _SHOWN and (trace is not None or video is not None):
+        raise InputError(f"--trace and --video show {_SHOWN} games at most, got --games {games}")
     run = open_run(folder)
     generation = last_generation(run) if generation is None else generation
     if group is None and game is None:
@@ -283,15 +290,26 @@ def _play_soccer(
     game = bill.game
     assert isinstance(game, SoccerGame)
     programs = programs_of(game, bill.trees)
-    played = [game.arena.trace(programs, seed) for seed in bill.seeds]
-    traces = [seen for _, seen in played]
-    if trace is not None or video is not None:
+    shown = trace is not None or video is not None
+    traces, outcomes = [], []
+
+    def each() -> Iterator[Trace]:
+        for seed in bill.seeds:
+            outcome, seen = game.arena.trace(programs, seed)
+            if not np.isfinite(seen.states).all():
+                raise InputError("bodies left the numbers: a setting of the world is too extreme to be played by")
+            outcomes.append(game.played(outcome).counts)
+            if shown:  # a trace is a tenth of a megabyte
+                traces.append(seen)
+            yield seen
+
+    digest = trace_digest(each(), len(bill.seeds))
+    if shown:
         trees = game.trees_of(bill.trees)
         recording = game_recording(game.settings, traces, trees=trees, name=bill.name, titles=bill.titles)
         if trace is not None:
             write_trace(trace, recording)
         if video is not None:
             write_video(video, recording)
-    each = [game.played(outcome).counts for outcome, _ in played]
-    counts = {name: np.sum([of_game[name][0] for of_game in each], axis=0) for name in game.counts}
-    return counts, int(counts.pop("steps")[0]), trace_digest(traces)
+    counts = {name: np.sum([of_game[name][0] for of_game in outcomes], axis=0) for name in game.counts}
+    return counts, int(counts.pop("steps")[0]), digest

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from coevo.console import Progress, cores, duration, emit, note, output_options, table
+from coevo.console import Count, Progress, cores, duration, emit, most_workers, note, output_options, table
 
 if TYPE_CHECKING:
     from coevo.study.folder import StudyFolder
@@ -28,7 +28,11 @@ _WRITE_EVERY_S = 5.0  # the table of a study under way
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the study; by default runs/NAME of the file.")
 @click.option("--seeds", type=click.IntRange(min=1), help="Replaces the study's seeds: how many, from 0 on.")
 @click.option(
-    "--workers", type=click.IntRange(min=1), default=cores(), show_default=True, help="How many runs at a time."
+    "--workers",
+    type=Count(most_workers()),
+    default=cores(),
+    show_default=True,
+    help="How many runs at a time.",
 )
 @click.option(
     "--scheduler",

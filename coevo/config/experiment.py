@@ -204,7 +204,7 @@ class EvolutionSettings(FileSettings, frozen=True, kw_only=True):
     """What every experiment of evolution has, whatever is played."""
 
     kind: Literal["evolution"] = "evolution"
-    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")] = "run"  # a part of the run folder's name
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}\Z")] = "run"  # a part of the run folder's name
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     gp: GPSettings = GPSettings()
     fitness: FitnessSettings = FitnessSettings()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 import types
 import typing
@@ -15,6 +16,7 @@ import tomli_w
 from msgspec import Meta, Struct
 
 from coevo.errors import InputError, nearest_name
+from coevo.files import MOST_TEXT_BYTES, read_text
 
 __all__ = [
     "FileSettings",
@@ -32,10 +34,17 @@ __all__ = [
 ]
 
 _S = TypeVar("_S", bound=Struct)
-Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
+Positive = Annotated[float, Meta(ge=1e-6, le=1e6)]  # what is nearer to 0 leaves the numbers
 NonNegative = Annotated[float, Meta(ge=0.0, le=1e9)]
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 Range = tuple[float, float]
+
+
+_MOST_PARTS = 64  # of a dotted key
+_MOST_DEPTH = 32  # of tables and lists within each other
+_MOST_SHOWN = 200  # characters of a value, in a message
+_KEY_PART = re.compile(r"[\w\"' \t\[-]+")
+_INDEX = re.compile(r"[0-9]{1,6}")
 
 
 class Settings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -78,6 +87,7 @@ def check(kind: type[_S], data: Mapping[str, Any], source: str) -> _S:
         Traceback (most recent call last):
         coevo.errors.InputError: mine: unknown setting 'robot.max_sped_mps'. Did you mean 'max_speed_mps'?
     """
+    _check_plain(data, source)
     if issubclass(kind, FileSettings):
         _check_file_kind(file_kind(kind), data, source)
     _check_keys(kind, data, source, "")
@@ -96,8 +106,39 @@ def check(kind: type[_S], data: Mapping[str, Any], source: str) -> _S:
         came = _look_up(data, path)
         if text.startswith("Invalid enum value"):
             text = f"expected one of {', '.join(map(repr, _choices(kind, path)))}"
-        got = f", got {came!r}" if path and not isinstance(came, Mapping) and "got" not in text else ""
+        got = f", got {_shown(came)}" if path and not isinstance(came, Mapping) and "got" not in text else ""
         raise InputError(f"{source}: {path + ': ' if path else ''}{text.replace('`', '')}{got}") from None
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
+
+
+def _check_plain(data: Any, source: str) -> None:
+    """Refuse what no setting is: tables within tables without end, numbers of thousands of digits, NUL in a text."""
+    waiting: list[tuple[str, Any, int]] = [("", data, 0)]
+    while waiting:
+        path, value, depth = waiting.pop()
+        here = f"{source}: {path[:_MOST_SHOWN]}" if path else source
+        if depth > _MOST_DEPTH:
+            raise InputError(f"{here}: tables and lists lie within each other {_MOST_DEPTH} times at most")
+        if isinstance(value, Mapping):
+            pairs: list[tuple[Any, Any]] = list(value.items())
+        else:
+            pairs = list(enumerate(value)) if isinstance(value, list | tuple) else []
+        if isinstance(value, int) and abs(value) >= 1 << 64:
+            raise InputError(f"{here}: expected a number of 19 digits at most")
+        if any(isinstance(one, str) and not _is_text(one) for one in (value, *(key for key, _ in pairs))):
+            raise InputError(f"{here}: expected a text without the character NUL, and of whole characters")
+        waiting += [(f"{path}.{key}" if path else str(key), item, depth + 1) for key, item in pairs]
+
+
+def _is_text(text: str) -> bool:
+    try:
+        return b"\0" not in text.encode()
+    except UnicodeEncodeError:
+        return False
 
 
 def file_kind(kind: type[FileSettings]) -> str:
@@ -190,7 +231,7 @@ def _look_up(data: Any, path: str) -> Any:
     for part in path.split(".") if path else []:
         if isinstance(data, Mapping):
             data = data.get(part)
-        elif isinstance(data, list | tuple) and part.isdigit() and int(part) < len(data):
+        elif isinstance(data, list | tuple) and _INDEX.fullmatch(part) and int(part) < len(data):
             data = data[int(part)]
     return data
 
@@ -198,12 +239,37 @@ def _look_up(data: Any, path: str) -> Any:
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file; a missing or broken one is an InputError that says where."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise InputError(f"cannot read {path}: {reason}") from None
+    except ValueError as error:  # of its name
+        raise InputError(f"cannot read {str(path)!r}: {error}") from None
+    try:
+        data = _parse(text)
     except ValueError as error:
         raise InputError(f"{path} is not valid TOML: {error}") from None
+    _check_plain(data, str(path))
+    return data
+
+
+def _parse(text: str) -> dict[str, Any]:
+    """Read TOML.
+
+    Raises:
+        ValueError: it is none, or none that anybody writes: Python's reader takes the square of a key's parts as long.
+    """
+    if len(text) > MOST_TEXT_BYTES:
+        raise ValueError(f"it is longer than {MOST_TEXT_BYTES} characters")
+    run = 0
+    for part in text.split("."):
+        run = run + 1 if _KEY_PART.fullmatch(part) else 0
+        if run > _MOST_PARTS:
+            raise ValueError(f"a key has more than {_MOST_PARTS} parts")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("lists and tables lie within each other too deep") from None
 
 
 def to_toml(settings: Struct) -> str:
@@ -244,10 +310,12 @@ def override(data: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, A
         if not equals or not key.strip():
             raise InputError(f"--set expects KEY=VALUE, such as gp.population=40; got {assignment!r}")
         try:
-            value = tomllib.loads(f"value = {text}")["value"]
+            value = _parse(f"value = {text}")["value"]
         except ValueError:  # not TOML, or a number of thousands of digits: take it as text
             value = text.strip()
-        _put(result, key.strip(), value, f"--set {assignment}")
+        said = f"--set {assignment if len(assignment) <= _MOST_SHOWN else assignment[:_MOST_SHOWN] + '...'}"
+        _check_plain(value, said)
+        _put(result, key.strip(), value, said)
     return result
 
 
@@ -275,6 +343,8 @@ def assign(data: Mapping[str, Any], values: Mapping[str, Any], where: str) -> di
 
 def _put(result: dict[str, Any], key: str, value: Any, said: str) -> None:
     """Put a value at its dotted key; ``said`` is what the user gave, for messages."""
+    if key.count(".") >= _MOST_PARTS // 2:
+        raise InputError(f"{said}: a key has {_MOST_PARTS // 2} parts at most")
     *folders, last = key.split(".")
     node: Any = result
     for folder in folders:
@@ -296,8 +366,8 @@ def _step_into(node: Any, part: str, said: str) -> Any:
 
 
 def _index(items: list[Any], part: str, said: str) -> int:
-    if not part.isdigit() or int(part) >= len(items):
-        raise InputError(f"{said}: expected an index from 0 to {len(items) - 1}, got {part!r}")
+    if not _INDEX.fullmatch(part) or int(part) >= len(items):
+        raise InputError(f"{said}: expected an index from 0 to {len(items) - 1}, got {_shown(part)}")
     return int(part)
 
 

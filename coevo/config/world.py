@@ -99,7 +99,7 @@ class PhysicsSettings(Settings, frozen=True, kw_only=True):
     """Time and the solver."""
 
     # [T] video rate; "1/30 ms" is a slip. Above 0.1 s only for slow bodies, which may not pass through others.
-    step_s: Annotated[float, Meta(gt=0.0, le=0.5)] = 1.0 / 30.0
+    step_s: Annotated[float, Meta(ge=1e-3, le=0.5)] = 1.0 / 30.0
     substeps: Annotated[int, Meta(ge=1, le=20)] = 2  # [C] with two, nothing tunnels
     iterations: Annotated[int, Meta(ge=1, le=100)] = 10  # Chipmunk's own choice
     collision_slop_m: Positive = 0.001  # [C] overlap that the solver leaves

@@ -22,6 +22,7 @@ from coevo.game import Played, start_trees
 from coevo.levels import Levels
 from coevo.records import Checkpoint, GenerationRecord, Origins
 from coevo.run import Run
+from coevo.soundness import require_sound, restore
 from coevo.tree import FunctionSet, Program, compile_program
 from coevo.tree.program import measure
 
@@ -179,7 +180,7 @@ def evolve(
     """Bring a run to its last generation, from wherever it is, and judge its last champions again if it asks for that.
 
     Args:
-        run: new, or interrupted at any instant.
+        run: new, or interrupted at any instant. One of which something is not as it was written is refused.
         evaluator: plays the games.
         report: called after each generation, when it is safe on disk.
         tell: receives a line before what takes long after the last.
@@ -201,7 +202,8 @@ def evolve(
     """
     settings, game = run.config, run.game
     scorer = Scorer(settings, game.counts, run.folders)
-    run.save_environment()
+    require_sound(run)
+    restore(run)
     functions = {role: game.function_set(role) for role in run.evolving}
     opponents = frozen_codes(settings, game)
     frozen = {role: compile_program(codes, functions[role]) for role, codes in opponents.items()}

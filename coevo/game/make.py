@@ -10,6 +10,7 @@ from coevo.errors import InputError, nearest_name
 from coevo.game.arena import warm_up
 from coevo.game.contract import Game, check_game
 from coevo.game.soccer import SoccerGame
+from coevo.kept import with_kept_skills
 from coevo.plugins import load_callable, own_failure
 from coevo.tree import Tree, parse
 
@@ -21,7 +22,8 @@ def make_game(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Game
 
     Args:
         settings: the experiment.
-        folders: where a game of one's own is looked for, before what is installed.
+        folders: where a game of one's own is looked for, before what is installed; the first may be that of a run,
+            whose skills are then those that it has kept.
 
     Raises:
         InputError: there is no such game, or it breaks the contract.
@@ -36,7 +38,7 @@ def make_game(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Game
         35
     """
     if isinstance(settings, RunSettings):
-        return SoccerGame(settings)
+        return SoccerGame(with_kept_skills(settings, folders))
     assert isinstance(settings, ForeignSettings)
     reference = str(settings.game["kind"])
     factory = load_callable(reference, "game.kind", folders)

@@ -12,7 +12,7 @@ import pandas as pd
 from coevo.replay.files import whole_file
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from coevo.replay.recording import Recording
     from coevo.stage import Trace
@@ -64,9 +64,17 @@ def _rows(
     return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
 
 
-def trace_digest(traces: Sequence[Trace]) -> str:
-    """Return the SHA-256 of all trajectories, every bit of the states and the skills, as hex digits."""
-    digest = hashlib.sha256(len(traces).to_bytes(8, "little"))
+def trace_digest(traces: Iterable[Trace], count: int | None = None) -> str:
+    """Return the SHA-256 of all trajectories, every bit of the states and the skills, as hex digits.
+
+    Args:
+        traces: of games; they need not be there at a time if ``count`` says how many they are.
+        count: how many they are.
+    """
+    if count is None:
+        traces = list(traces)
+        count = len(traces)
+    digest = hashlib.sha256(count.to_bytes(8, "little"))
     for trace in traces:
         digest.update(np.array(trace.states.shape + trace.skills.shape, "<i8").tobytes())
         digest.update(np.ascontiguousarray(trace.states, "<f8").tobytes())

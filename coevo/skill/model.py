@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from coevo.config import RobotSettings
 from coevo.errors import InputError, nearest_name
-from coevo.files import DamagedFileError, pack_arrays, read_arrays, write_whole
+from coevo.files import DamagedFileError, pack_arrays, parse_json, read_arrays, read_text, write_whole
 from coevo.soccer.drive import action_set
 
 __all__ = [
@@ -40,7 +40,8 @@ FORMAT = 1
 # other robot looks largest.
 OBJECT_KINDS = {"ball": 4, "own_goal": 11, "opponent_goal": 11, "mate": 5, "robot": 5}
 INPUTS = 2
-MOST_STATES = 20_000_000  # of one skill; its table is then near a gigabyte
+MOST_STATES = 14_000_000  # of one skill; its table is then near half a gigabyte, the most that is read
+_MOST_ORDER, _MOST_ACTIONS = 32, 64
 _CELLS = 3  # (3.9)
 _LOST_STATES = 2  # of a file that does not say: the only number there was when the first skills were learned
 
@@ -160,7 +161,7 @@ class Skill:
         """SHA-256 of everything that decides what the skill does."""
         digest = hashlib.sha256()
         digest.update(f"{FORMAT} {self.drive} {self.min_steps} {self.max_steps}".encode())
-        digest.update(np.ascontiguousarray(self.values).tobytes())
+        digest.update(np.ascontiguousarray(self.values).reshape(-1).view(np.uint8).data)
         for model in self.objects:
             digest.update(f"{model.kind} {model.history_length} {model.cell!r}".encode())
             if model.lost_states != _LOST_STATES:
@@ -219,8 +220,12 @@ def unpack_models(plain: Sequence[Mapping[str, Any]], arrays: Mapping[str, NDArr
     """Return the models that ``pack_models`` was given.
 
     Raises:
-        KeyError, TypeError, ValueError: that is not what came.
+        KeyError, TypeError, ValueError, OverflowError: that is not what came.
     """
+    for i in range(len(plain)):
+        shape = arrays[f"memory_matrix_{i}"].shape
+        if len(shape) != 2 or shape[0] > _MOST_ORDER:
+            raise ValueError(f"a memory matrix has {_MOST_ORDER} rows at most, got the shape {shape}")
     return tuple(
         ObjectModel(
             str(item["kind"]),
@@ -241,6 +246,8 @@ def _all_rows(arrays: Mapping[str, NDArray[Any]], states: int) -> NDArray[np.flo
         KeyError, ValueError: the arrays are not those of a table with that many states.
     """
     values = np.asarray(arrays["values"], np.float32)
+    if values.ndim == 2 and values.shape[1] > _MOST_ACTIONS:
+        raise ValueError(f"a skill may have {_MOST_ACTIONS} actions at most, this one would have {values.shape[1]}")
     if "rows" not in arrays:
         return values
     rows = np.asarray(arrays["rows"], np.int64)
@@ -275,10 +282,12 @@ def load_skill(source: str | Path) -> Skill:
         raise InputError(f"there is no skill file {path}") from None
     except OSError as error:
         raise InputError(f"cannot read the skill file {path}: {error.strerror or error}") from None
+    except ValueError as error:  # of its name
+        raise InputError(f"cannot read the skill file {str(path)!r}: {error}") from None
     except DamagedFileError as error:
         raise InputError(damaged.format(error)) from None
     try:
-        header = json.loads(bytes(arrays["header"]))
+        header = parse_json(bytes(arrays["header"]))
         if header["format"] != FORMAT:
             raise InputError(
                 f"{path} has format {header['format']}, this version reads format {FORMAT}; learn it again"
@@ -297,7 +306,7 @@ def load_skill(source: str | Path) -> Skill:
         )
     except InputError:
         raise
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
         raise InputError(damaged.format(error)) from None
     if skill.digest != header["digest"]:
         raise InputError(f"{path} is damaged: its contents do not match its digest; learn it again with 'coevo learn'")
@@ -346,7 +355,7 @@ def read_card(source: str | Path) -> dict[str, Any]:
     """
     path = skill_path(source).with_name("card.json")
     try:
-        card = json.loads(path.read_text(encoding="utf-8"))
+        card = parse_json(read_text(path))
     except OSError:
         return {}
     except ValueError:

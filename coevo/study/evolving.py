@@ -158,9 +158,6 @@ class EvolutionRuns:
         run = _begun(settings, folder, folders)
         release = run.lock()
         try:
-            kept = run.checkpoint()
-            if kept is not None and kept.generation > run.finished:
-                raise InputError(f"{folder} has lost generations that its checkpoint tells of; remove this folder")
             with Evaluator(run.config, workers=1, backend="threads", folders=run.folders) as evaluator:
                 evolve(run, evaluator, lambda _: tick())
                 of = Finished(run, evaluator)

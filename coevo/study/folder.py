@@ -19,7 +19,8 @@ import msgspec
 
 from coevo.config import check, read_toml, to_toml
 from coevo.errors import InputError
-from coevo.files import lock, write_whole
+from coevo.files import make_folder, parse_json, read_text, read_whole, write_whole
+from coevo.folder import lock_folder
 from coevo.study.kinds import Cell
 from coevo.study.plan import RECIPES, Plan, PlannedRun, StudySettings
 from coevo.study.registry import kind_named
@@ -93,7 +94,7 @@ class StudyFolder:
         """Return what a run came to, by column; None if it is not finished, or was not asked all that is asked now."""
         folder, kind = self.path / run.name, kind_named(run.condition.kind)
         try:
-            told = json.loads((folder / ROW).read_text(encoding="utf-8"))
+            told = parse_json(read_text(folder / ROW))
             row, measured = dict(told["row"]), list(told["measured"])
         except (OSError, ValueError, TypeError, LookupError):
             return None
@@ -180,17 +181,14 @@ def open_study(path: Path, plan: Plan) -> StudyFolder:
     check_folder(path, plan)
     recipes = path / RECIPES
     with _Writing(path):
-        path.mkdir(parents=True, exist_ok=True)
-        try:
-            release = lock(path / ".lock")
-        except BlockingIOError:
-            raise InputError(f"{path} is being written by another coevo process; wait for it or stop it") from None
+        make_folder(path)
+        release = lock_folder(path)
         write_whole(path / STUDY, to_toml(plan.record).encode())
         wanted = {f"{name}.toml": file for name, file in plan.files.items()}
         wanted |= {file.name: file for file in plan.own_files}
         for name, file in wanted.items():
-            recipes.mkdir(exist_ok=True)
-            data = file.read_bytes()
-            if not (recipes / name).exists() or (recipes / name).read_bytes() != data:
+            make_folder(recipes, within=path)
+            data = read_whole(file)
+            if not (recipes / name).is_file() or read_whole(recipes / name) != data:
                 write_whole(recipes / name, data)
         return StudyFolder(path, plan, release)

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from coevo.errors import InputError
+from coevo.files import make_folder, parse_json, read_text, write_whole
 
 __all__ = ["StoredSet", "StudyMethod", "open_method", "read_set", "read_sets", "table_bytes", "write_set"]
 
@@ -72,10 +73,10 @@ def open_method(folder: Path, settings: str) -> StudyMethod:
     """
     path = folder / _SETTINGS
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if path.exists() and path.read_text(encoding="utf-8") != settings:
+        make_folder(folder)
+        if path.exists() and read_text(path) != settings:
             raise InputError(f"{folder} holds sets of other settings ({path}); choose another --out, or remove it")
-        path.write_text(settings, encoding="utf-8")
+        write_whole(path, settings.encode())
     except OSError as error:
         raise InputError(f"cannot write into {folder}: {error.strerror or error}; choose another --out") from None
     return StudyMethod(folder)
@@ -97,7 +98,7 @@ def write_set(method: StudyMethod, number: int, summary: bytes, files: Mapping[s
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
     for name, data in {**files, _SUMMARY: summary}.items():
-        (partial / name).write_bytes(data)
+        write_whole(partial / name, data)
     try:
         partial.rename(folder)
     except OSError:
@@ -131,7 +132,7 @@ def read_set(folder: Path) -> tuple[StoredSet, dict[str, Any]]:
     read = []
     for path in (folder / _SUMMARY, folder.parent / _SETTINGS):
         try:
-            read.append(json.loads(path.read_text(encoding="utf-8")))
+            read.append(parse_json(read_text(path)))
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) else error
             raise InputError(

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from coevo.errors import InputError
-from coevo.files import lock, write_whole
+from coevo.files import lock, make_folder, write_whole
 from coevo.plugins import search_folders
 from coevo.study.folder import ROW, STUDY, StudyFolder, row_bytes
 from coevo.study.kinds import Cell
@@ -108,7 +108,7 @@ def _do(task: Task) -> dict[str, Cell]:
 @contextmanager
 def _held(study: Path, name: str, tick: Callable[[], None]) -> Iterator[None]:
     """Keep a run for this worker; one that was given up for lost may still be at it, and is waited for."""
-    (study / ".locks").mkdir(exist_ok=True)
+    make_folder(study / ".locks", within=study)
     until = time.monotonic() + _PATIENCE_S
     while True:
         tick()

@@ -80,7 +80,7 @@ def test_a_damaged_checkpoint_is_not_left_open(copied_run):
 @pytest.mark.usefixtures("collected")
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # numpy leaves what it refuses open
 def test_the_remedy_for_a_damaged_checkpoint_works(killed_run, go_on, small_run, results_of):
-    killed = killed_run(7)
+    killed = killed_run(9)
     path = killed.path / "checkpoint.npz"
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(InputError, match=re.escape(REMEDY)):
@@ -160,12 +160,13 @@ def rewritten(run, changed):
 
 def test_a_checkpoint_of_another_format_is_refused(copied_run):
     rewritten(copied_run, {"format": np.array([99])})
-    assert "has format 99, this version reads 2" in refused(copied_run)
+    assert "has format 99, this version reads 3" in refused(copied_run)
 
 
 def without_ancestry(run):
     """Make a run one that was written before individuals had parents."""
     rewritten(run, {"format": np.array([1]), "parts": np.zeros(0, np.uint8)})
+    (run.path / "digests.txt").unlink()
     for path in (run.path / "individuals.parquet").iterdir():
         table = pq.read_table(path)
         pq.write_table(table.select(table.column_names[: table.column_names.index("tree") + 1]), path)
@@ -176,10 +177,10 @@ def test_a_run_without_ancestry_can_be_read_but_not_gone_on_with(copied_run, go_
     assert copied_run.tree("r1", 2, 3) == small_run.tree("r1", 2, 3)
     assert {record.origins for record in copied_run.records(1)} == {None}
     (copied_run.path / "individuals.parquet" / "part-00002.parquet").unlink()
-    for named in ("checkpoint.npz", "individuals.parquet/part-00001.parquet"):
+    for _ in range(2):
         with pytest.raises(InputError, match=r"written by an older coevo.* can be read, but not gone on with") as told:
             go_on(copied_run)
-        assert str(told.value).startswith(str(copied_run.path / named))
+        assert str(told.value).startswith(str(copied_run.path))
         (copied_run.path / "checkpoint.npz").unlink(missing_ok=True)
 
 

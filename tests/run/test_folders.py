@@ -35,7 +35,7 @@ def test_a_damaged_configuration_is_named(copied_run):
 
 
 def test_a_run_does_not_go_on_with_other_settings_than_it_began_with(killed_run, go_on):
-    killed = killed_run(7)
+    killed = killed_run(9)
     path = killed.path / "config.toml"
     path.write_text(path.read_text().replace("tournament = 2", "tournament = 3"))
     with pytest.raises(InputError, match=r"its settings are not those of config\.toml"):
@@ -44,7 +44,7 @@ def test_a_run_does_not_go_on_with_other_settings_than_it_began_with(killed_run,
 
 @pytest.mark.parametrize("content", [b"generation,robot\nx,r0\n", b"\xff\xfe\x00"], ids=["text", "binary"])
 def test_a_damaged_table_is_named_when_a_run_goes_on(content, killed_run, go_on):
-    killed = killed_run(7)
+    killed = killed_run(9)
     (killed.path / "generations.csv").write_bytes(content)
     try:
         go_on(killed)
@@ -53,7 +53,7 @@ def test_a_damaged_table_is_named_when_a_run_goes_on(content, killed_run, go_on)
 
 
 def test_a_lost_table_is_told_or_made_again(killed_run, go_on, small_run, results_of):
-    killed = killed_run(7)
+    killed = killed_run(9)
     (killed.path / "generations.csv").unlink()
     try:
         go_on(killed)

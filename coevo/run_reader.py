@@ -1,0 +1,265 @@
+"""What a run folder holds, read back: see ``coevo.run``, which writes it."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from coevo.chain import Chain
+from coevo.config import EvolutionSettings, to_toml
+from coevo.errors import InputError
+from coevo.files import MOST_FILE_BYTES, DamagedFileError, read_arrays, read_text, read_whole
+from coevo.folder import Folder, read_table
+from coevo.game import Game, make_game
+from coevo.levels import LevelRecord, level_settings
+from coevo.plugins import search_folders
+from coevo.records import Checkpoint, GenerationRecord, columns, read_checkpoint, read_record
+from coevo.tree import Tree, from_codes
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+__all__ = ["AGAIN", "CHAMPIONS", "CHAMPION_COLUMNS", "DIGESTS", "OLDER", "RunReader", "part_name"]
+
+CHAMPION_COLUMNS = ("team", "robot", "generation", "index", "fitness", "fitness_again", "games", "won", "lost")
+CHAMPIONS, DIGESTS = "champions.csv", "digests.txt"
+AGAIN = "run the experiment again from config.toml"
+OLDER = (
+    "was written by an older coevo, or has lost its digests.txt. The run can be read, but not gone on with; repeat it"
+    " with 'coevo evolve' and its config.toml"
+)
+
+
+def part_name(generation: int) -> str:
+    """Return the name of a generation's part in a run folder."""
+    return f"individuals.parquet/part-{generation:05d}.parquet"
+
+
+class RunReader(Folder):
+    """A run on disk, to be read."""
+
+    def __init__(self, path: Path, settings: EvolutionSettings) -> None:
+        super().__init__(path, hashlib.sha256(to_toml(settings).encode()).digest())
+        self.config = settings
+        self.folders = search_folders(path)  # where code of one's own is looked for
+        self._levels: list[LevelRecord] = []  # of the first generations, as far as they were asked for
+
+    # ------------------------------------------------------------------------------------------------ reading
+
+    @property
+    def generations(self) -> pd.DataFrame:
+        """``generations.csv``: a row a generation and role."""
+        import pandas as pd
+
+        path = self.path / "generations.csv"
+        if not path.exists():
+            return pd.DataFrame(columns=columns(self.game.counts))
+        try:
+            return pd.read_csv(io.BytesIO(read_whole(path)))
+        except (ValueError, OSError) as error:
+            raise InputError(f"cannot read {path}: {error}") from None
+
+    @property
+    def individuals(self) -> pd.DataFrame:
+        """``individuals.parquet``: a row an individual of every finished generation."""
+        import pandas as pd
+
+        frames = [self._part(generation) for generation in range(self.finished)]
+        return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+    @property
+    def environment(self) -> str:
+        """``environment.json`` as it stands: versions, commit, digests of skills."""
+        try:
+            return read_text(self.path / "environment.json")
+        except (OSError, ValueError):
+            return ""
+
+    @property
+    def chain(self) -> Chain | None:
+        """The digests of all that was written; None in a run of an older version.
+
+        Raises:
+            InputError: they are damaged.
+        """
+        path = self.path / DIGESTS
+        try:
+            return Chain.read(read_text(path, MOST_FILE_BYTES))
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path} is damaged ({error}); {AGAIN}") from None
+
+    @cached_property
+    def game(self) -> Game:
+        """The game that is played; one of one's own is imported when this is first asked for."""
+        return make_game(self.config, self.folders)
+
+    def level_records(self, generations: int) -> list[LevelRecord]:
+        """Return what was kept of the levels of the first generations; nothing if there are no levels."""
+        if self.config.levels is not None:
+            self._levels += [self._level(number) for number in range(len(self._levels), generations)]
+        return self._levels[:generations]
+
+    def _level(self, generation: int) -> LevelRecord:
+        metadata = self._table(generation).schema.metadata
+        try:
+            return LevelRecord.of(metadata)
+        except (LookupError, TypeError, ValueError) as error:
+            raise InputError(f"{self._part_path(generation)} does not tell its level ({error}); {AGAIN}") from None
+
+    def config_of(self, generation: int) -> EvolutionSettings:
+        """Return the settings that a generation's games were played by: those of its level, if there are levels."""
+        if self.config.levels is None:
+            return self.config
+        return level_settings(self.config, self._level(generation).level)
+
+    def game_of(self, generation: int) -> Game:
+        """Return the game that was played in a generation: ``game``, on its level if there are levels."""
+        return self.game if self.config.levels is None else make_game(self.config_of(generation), self.folders)
+
+    @cached_property
+    def evolving(self) -> dict[int, str]:
+        """Numbers and names of the roles that evolve."""
+        return {number: role.name for number, role in enumerate(self.game.roles) if role.evolves}
+
+    @property
+    def finished(self) -> int:
+        """Number of finished generations."""
+        count = 0
+        while self._part_path(count).exists():
+            count += 1
+        return count
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether every generation is there, and the last champions are chosen, if they are to be judged again."""
+        chosen = not self.config.evaluation.champion_games or (self.path / CHAMPIONS).exists()
+        return self.finished >= self.config.gp.generations and chosen
+
+    def _part_path(self, generation: int) -> Path:
+        return self.path / part_name(generation)
+
+    def part_digest(self, generation: int) -> bytes | None:
+        """Return the SHA-256 that a part had when it was written, None if nobody knows it (in older runs)."""
+        chain = self.chain
+        if chain is not None:
+            digest = chain.digests.get(part_name(generation))
+            if digest is None:
+                raise InputError(f"{self._part_path(generation)} is not of this run: {DIGESTS} does not know it")
+            return bytes.fromhex(digest)
+        try:
+            known = read_arrays(self.path / "checkpoint.npz")["parts"].reshape(-1, 32).astype(np.uint8)
+        except (OSError, LookupError, ValueError, DamagedFileError):
+            return None
+        return known[generation].tobytes() if generation < len(known) else None
+
+    def _part(self, generation: int) -> pd.DataFrame:
+        frame: pd.DataFrame = self._table(generation).to_pandas(use_threads=False)
+        return frame
+
+    def _table(self, generation: int) -> pa.Table:
+        path = self._part_path(generation)
+        if not path.exists():
+            last = self.finished - 1
+            have = f"0 to {last}" if last >= 0 else "none yet"
+            raise InputError(f"{self.path} has no generation {generation}; finished generations: {have}")
+        return read_table(path, self.part_digest(generation), AGAIN)
+
+    def record(self, generation: int, robot: str) -> pd.DataFrame:
+        """Return the individuals of one role in one generation, best first (by fitness, depth, index)."""
+        part = self._part(generation)
+        names = part["robot"].unique().tolist()
+        if robot not in names:
+            raise InputError(f"{robot!r} does not evolve in this run; choose one of {', '.join(names)}")
+        rows = part[part["robot"] == robot].sort_values(["fitness", "depth", "index"], kind="stable")
+        return rows.reset_index(drop=True)
+
+    def tree(self, robot: str, generation: int, rank: int = 0) -> Tree:
+        """Return a tree of one role; rank 0 is the best of the generation."""
+        rows = self.record(generation, robot)
+        if not 0 <= rank < len(rows):
+            raise InputError(f"rank must be from 0 to {len(rows) - 1}, got {rank}")
+        return from_codes(np.asarray(rows["tree"][rank], np.uint8), self.game.function_set(self.number_of(robot)))
+
+    def champions(self) -> pd.DataFrame | None:
+        """Return ``champions.csv``, a row a robot of ``CHAMPION_COLUMNS``; None if none were judged again (yet).
+
+        Raises:
+            InputError: it is damaged.
+        """
+        import pandas as pd
+
+        path = self.path / CHAMPIONS
+        if not self.config.evaluation.champion_games or not path.exists():
+            return None
+        try:
+            table = pd.read_csv(io.BytesIO(read_whole(path)), dtype=str)  # and then by Python's float, which is exact
+            if (
+                table.columns.tolist() != list(CHAMPION_COLUMNS)
+                or table.isna().any(axis=None)
+                or table["robot"].tolist() != list(self.evolving.values())
+            ):
+                raise ValueError("it has other columns or robots")
+            for name in table.columns.drop("robot"):
+                table[name] = table[name].map(float if name.startswith("fitness") else int)
+        except (ValueError, OSError) as error:
+            raise self._damaged_champions(str(error)) from None
+        return table
+
+    def _damaged_champions(self, why: str) -> InputError:
+        remedy = f"delete it; 'coevo resume {self.path}' makes it anew"
+        return InputError(f"{self.path / CHAMPIONS} is damaged ({why}); {remedy}")
+
+    def champion(self, robot: str, generation: int) -> tuple[int, int]:
+        """Return generation and rank of the champion of a role in a generation.
+
+        That is the best of the generation; of the last one the one that was chosen when they were judged again, which
+        random search may have found earlier.
+        """
+        table = self.champions() if generation == self.config.gp.generations - 1 else None
+        if table is None or robot not in self.evolving.values():
+            return generation, 0
+        row = table[table["robot"] == robot].iloc[0]
+        found = int(row["generation"])
+        rows = self.record(found, robot)
+        places = np.flatnonzero((rows["index"] == row["index"]) & (rows["fitness"] == row["fitness"]))
+        if len(places) != 1:
+            raise self._damaged_champions(f"{robot} has no such individual in generation {found}")
+        return found, int(places[0])
+
+    def champion_tree(self, robot: str, generation: int) -> Tree:
+        """Return the tree of ``champion``."""
+        return self.tree(robot, *self.champion(robot, generation))
+
+    def number_of(self, robot: str) -> int:
+        """Return the number of a role by its name."""
+        return [role.name for role in self.game.roles].index(robot)
+
+    def checkpoint(self) -> Checkpoint | None:
+        """Return what comes next, or None if no generation is finished.
+
+        Raises:
+            InputError: the run cannot be gone on with: the checkpoint is damaged or belongs to another run, or the
+                run is one of an older version.
+        """
+        path, chain = self.path / "checkpoint.npz", self.chain
+        if chain is None:
+            raise InputError(f"{self.path} {OLDER}")
+        if not path.exists():
+            return None
+        return read_checkpoint(path, self._identity, chain.heads, self.evolving)
+
+    def records(self, generation: int) -> list[GenerationRecord]:
+        """Return what was saved of a generation, a record a role."""
+        part, found = self._part(generation), []
+        for role, robot in self.evolving.items():
+            rows, terminals = part[part["robot"] == robot], self.game.function_set(role).terminals
+            found.append(read_record(role, robot, rows, self.game.counts, terminals))
+        return found

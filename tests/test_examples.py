@@ -34,6 +34,7 @@ PUBLIC = (
     "behaviors.learning.learn",
     "behaviors.lpm.model.identify",
     "behaviors.measuring.evaluate",
+    "behaviors.recipe.of_seed",
     "behaviors.recipe.read_recipe",
     "behaviors.tabular.growing.origins",
     "coevo.complexity.Controller",

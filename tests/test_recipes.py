@@ -93,7 +93,8 @@ def test_a_broken_file_among_the_recipes_spoils_no_answer_and_none_hides_a_prese
 def test_an_installed_wheel_finds_them_beside_the_presets(tmp_path, monkeypatch):
     package = tmp_path / "coevo"
     shutil.copytree(recipe_path("smoke", "evolution").parent, package / "presets")
-    folders = [("chapter3/schedule", "schedule"), ("chapter4/shooter", "skill"), ("chapter6/tiny", "study")]
+    folders = [("chapter3/schedule", "schedule"), ("chapter4/shooter", "skill"), ("chapter5/shoot-kicking", "skill")]
+    folders.append(("chapter6/tiny", "study"))
     for folder in (recipe_path(*of).parent for of in folders):
         (package / "presets" / folder.name).mkdir(exist_ok=True)
         for path in folder.glob("*.toml"):

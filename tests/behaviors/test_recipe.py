@@ -195,7 +195,10 @@ def test_every_younger_setting_is_in_the_digest():
         for key in ("stuck_after_s", "stuck_within_m", "stuck_off_goals_m")
     }
     found.add(recipe_digest(check(Recipe, {**PLAIN, "conceded_reward": -0.5}, "")))
-    assert len(found | {recipe_digest(plain)}) == 13
+    found |= {
+        recipe_digest(check(Recipe, {**PLAIN, **one}, "")) for one in ({"ends": "goal"}, {"credit": "last-touch"})
+    }
+    assert len(found | {recipe_digest(plain)}) == 18
 
 
 def test_the_literal_learner_has_the_numbers_of_the_text():

@@ -110,7 +110,7 @@ def test_the_values_that_are_chosen_by_are_the_scores_of_the_actor(choice, updat
 
 def small(**learning):  # noqa: ANN003 - settings of learning
     recipe = read_recipe(
-        "chapter5/shoot",
+        "chapter5/shoot-kicking",
         ["trials=750", "experience.windows=1000", "learning.check_every=250", "learning.check_games=20"],
     )
     return msgspec.structs.replace(recipe, learning=msgspec.structs.replace(recipe.learning, **learning))
@@ -138,7 +138,7 @@ def test_a_learning_that_was_stopped_ends_with_the_same_bytes(storage, tmp_path)
 
 @pytest.mark.slow
 def test_several_rewards_teach_to_shoot():
-    recipe = read_recipe("chapter5/shoot", ["trials=6000"])
+    recipe = read_recipe("chapter5/shoot-kicking", ["trials=6000"])
     learning = Learning(recipe, seed=1, trials=6000)
     while not learning.is_finished:
         learning.advance()

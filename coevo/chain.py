@@ -22,14 +22,7 @@ def sha256(data: bytes) -> str:
 
 
 class Chain:
-    """Digests by name, in the order in which they were fixed.
-
-    Example:
-        >>> from coevo.chain import Chain, sha256
-        >>> chain = Chain().extended({"config.toml": sha256(b"seed = 1")})
-        >>> Chain.read(chain.text()).digests == chain.digests, chain.head[:8]
-        (True, '7b4c7b9d')
-    """
+    """Digests by name, in the order in which they were fixed."""
 
     def __init__(self, links: Iterable[tuple[str, str, str]] = ()) -> None:
         self._links = tuple(links)

@@ -96,6 +96,8 @@ def study(
                 note(f"Stopped; {len(rows)} of {len(plan.runs)} runs are done, and what others have done is saved.")
                 note("Go on with the same command.")
                 raise
+        else:
+            folder.write_tables(rows, failed)  # it may have been stopped when all was done but this
         _show(folder, rows, failed, skipped, as_json=as_json)
     if failed:
         raise click.exceptions.Exit(1)

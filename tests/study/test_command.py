@@ -206,3 +206,11 @@ def test_a_scheduler_that_is_not_there_is_told(address, coevo, study_file, tmp_p
     assert f"cannot reach a Dask scheduler at '{address}'" in said.err
     assert "'dask scheduler'" in said.err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_table_that_a_kill_kept_from_being_written_is_written(done, coevo, study_file, here):
+    before = (done / "table.csv").read_bytes()
+    (done / "table.csv").write_bytes(b"".join(before.splitlines(keepends=True)[:2]))
+    assert coevo("study", study_file(), "--out", done).code == 0
+    assert here == []
+    assert (done / "table.csv").read_bytes() == before

@@ -81,7 +81,9 @@ def run_set(schedule: Schedule, number: int, report: Report | None = None, *, ch
 
 def _trials(found: dict[str, Results]) -> bytes:
     periods = [name for name, one in found.items() for _ in one.ends]
-    rows = zip(periods, *(column.tolist() for column in joined(list(found.values()))), strict=True)
+    all_of = joined(list(found.values()))
+    columns = all_of.ends, all_of.passes, all_of.steps, all_of.nearer
+    rows = zip(periods, *(column.tolist() for column in columns), strict=True)
     return table_bytes([{"period": p, "end": e, "passes": n, "steps": s, "nearer": NAMES[r]} for p, e, n, s, r in rows])
 
 

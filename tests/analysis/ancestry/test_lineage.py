@@ -17,7 +17,8 @@ from coevo.run import create_run, open_run
 @pytest.fixture
 def copied(busy_run, tmp_path):
     shutil.copytree(busy_run.path, tmp_path / "copy")
-    (tmp_path / "copy" / "checkpoint.npz").unlink()  # it knows the digests of the parts
+    for name in ("digests.txt", "checkpoint.npz"):  # they know the digests of the parts
+        (tmp_path / "copy" / name).unlink()
     return open_run(tmp_path / "copy")
 
 

@@ -23,7 +23,7 @@ def discount_powers(matrix: Array, share: float, most: int) -> Array:
         >>> import numpy as np
         >>> from behaviors.actor_critic.discounts import discount_powers
         >>> turn = 0.5 * np.array([[0.0, -1.0], [1.0, 0.0]])  # eigenvalues +-0.5i
-        >>> discount_powers(turn, 0.5, 4)[4].round(3).tolist()
+        >>> (discount_powers(turn, 0.5, 4)[4].round(3) + 0.0).tolist()
         [[-0.25, 0.0], [0.0, -0.25]]
     """
     diagonal = matrix.diagonal()

@@ -9,6 +9,7 @@ __all__ = ["InputError", "nearest_name"]
 
 
 _MOST_LETTERS = 3000  # of a message: what came may be of any length
+_LAST_LETTERS = 400  # of it that are kept: what to do
 
 
 class InputError(ValueError):
@@ -16,7 +17,9 @@ class InputError(ValueError):
 
     def __str__(self) -> str:
         text = super().__str__()
-        return text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]} ..."
+        if len(text) <= _MOST_LETTERS:
+            return text
+        return f"{text[: _MOST_LETTERS - _LAST_LETTERS]} ... {text[-_LAST_LETTERS:]}"
 
 
 def nearest_name(word: str, names: Iterable[str]) -> str:

@@ -6,7 +6,6 @@ than its kind can be, and of an archive the sizes that it declares are checked b
 
 from __future__ import annotations
 
-import ast
 import errno
 import hashlib
 import io
@@ -53,8 +52,9 @@ _MOST_HEADER = 4096
 _MOST_FOLDERS = 200  # in one path
 _PIECE = 1 << 20
 _FLAGS = os.O_CLOEXEC | getattr(os, "O_NOFOLLOW", 0)
+_SHAPE = r"\((?:[0-9]{1,12}(?:, ?[0-9]{1,12})*,?)?\)"
 _HEADER = re.compile(
-    r"\{'descr': '([<>|=]?[biufU]\d{1,4})', 'fortran_order': (True|False), 'shape': (\([0-9, ]*\)), \} *\n", re.ASCII
+    r"\{'descr': '([<>|=]?[biufU]\d{1,4})', 'fortran_order': (True|False), 'shape': (" + _SHAPE + r"), \} *\n", re.ASCII
 )
 
 
@@ -299,8 +299,9 @@ def _read_array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any
         told = _HEADER.fullmatch(file.read(size).decode("latin-1"))
         if told is None:
             raise DamagedFileError(f"{entry.filename[:80]!r} holds something else than numbers or texts")
-        kind, shape = np.dtype(told[1]), ast.literal_eval(told[3])
-        if not isinstance(shape, tuple) or len(shape) > 32:
+        # Python's own reader of tuples must not be called by several threads at once (python/cpython#106905).
+        kind, shape = np.dtype(told[1]), tuple(int(size) for size in re.findall(r"[0-9]{1,12}", told[3]))
+        if len(shape) > 32:
             raise DamagedFileError(f"{entry.filename[:80]!r} has no shape")
         left = entry.file_size - 8 - sizes[magic] - size
         if math.prod(shape) * kind.itemsize != left or max(shape, default=0) > MOST_FILE_BYTES:

@@ -173,6 +173,7 @@ def _summary(plan: Plan, rows: Mapping[str, Mapping[str, Cell]]) -> str:
 
     kinds = dict.fromkeys(one.kind for one in plan.conditions)
     found = list(dict.fromkeys(headlines for kind in kinds for headlines in kind_named(kind).headlines))
+    rows = {run: {name: cell for name, cell in row.items() if cell != ""} for run, row in rows.items()}
     tables = []
     for number, headlines in enumerate(found):
         columns = list(dict.fromkeys(name for row in rows.values() for name in row if name.endswith(headlines.ends)))

@@ -93,9 +93,13 @@ def _settled(of: Finished) -> dict[str, Cell]:
     if not can_settle(of.run.game):
         return {}
     settled = settle(of.run, of.evaluator, games=unseen_games(of.run.config))
-    took_over: dict[str, Cell] = {"took_over": int(settled.take_over is not None)} if settled.others else {}
-    told = {name: value for name, value in settlement_columns(settled).items() if math.isfinite(value)}
-    return {**told, **took_over}
+    told: dict[str, Cell] = {
+        name: value if math.isfinite(value) else "" for name, value in settlement_columns(settled).items()
+    }
+    if not settled.others:
+        del told["take_over"]
+        return told
+    return {**told, "took_over": int(settled.take_over is not None)}
 
 
 # What is measured of a finished run: a further measure is a line here, and finished runs are then measured again.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from coevo.errors import InputError
-from coevo.study import open_method, read_sets, table_bytes, write_set
+from coevo.study import open_method, read_sets, sets, table_bytes, write_set
 
 ROWS = [{"period": "A", "share": 0.25}, {"period": "B, late", "share": 1.0}]
 
@@ -48,15 +48,14 @@ def test_what_is_not_finished_is_passed_over(method):
 
 
 def test_a_set_that_cannot_be_written_leaves_nothing(method, monkeypatch):
-    folder = method.folder
-    write = type(folder).write_bytes
+    write = sets.write_whole
 
     def full(path, data):
         if path.name == "set.json":
             raise OSError(28, "No space left on device")
-        return write(path, data)
+        write(path, data)
 
-    monkeypatch.setattr(type(folder), "write_bytes", full)
+    monkeypatch.setattr(sets, "write_whole", full)
     with pytest.raises(OSError, match="No space left"):
         write_set(method, 0, b"{}", {"trials.csv": b""})
     assert not method.set_folder(0).exists()

@@ -9,7 +9,8 @@ import msgspec
 from msgspec import UNSET
 
 from behaviors.measuring import Yardstick, evaluate
-from behaviors.recipe import LearningSettings, MoverSettings, Recipe
+from behaviors.recipe import Recipe
+from behaviors.settings import LearningSettings, MoverSettings
 from behaviors.trials.task import STRAY_GOAL
 from coevo.skill import Skill
 from coevo.statistics import share_interval

@@ -18,7 +18,8 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from behaviors.practice import Standing
-from behaviors.recipe import CurriculumSettings, Recipe
+from behaviors.recipe import Recipe
+from behaviors.settings import CurriculumSettings
 from behaviors.tabular.growing import grown_table, grown_values, origins
 from coevo.complexity import Controller, Counted, Event, check_rates, check_wholes, every_level, values_at
 from coevo.errors import InputError

@@ -14,7 +14,8 @@ from behaviors.lpm import LocalPredictionModel, identify
 from behaviors.lpm.axes import simple_axes
 from behaviors.lpm.cva import lagged
 from behaviors.raw import raw_model
-from behaviors.recipe import ExperienceSettings, ModelSettings, Recipe, of_seed
+from behaviors.recipe import Recipe, of_seed
+from behaviors.settings import ExperienceSettings, ModelSettings
 from behaviors.trials.minds import make_store
 from behaviors.trials.solo import no_start, provisional_skill, solo_scene
 from coevo.errors import InputError

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviors.checkpoint import parts_of, with_prefix
-from behaviors.recipe import LearningSettings
+from behaviors.settings import LearningSettings
 from behaviors.tabular.decisions import most_decisions
 from behaviors.tabular.table import Table, all_states, pack_table, unpack_table
 from behaviors.trials.kernels import Results

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from behaviors.coordination.areas import RELEARN, Areas, Behaviour, areas_of, component, first_values, state_values
 from behaviors.experience import model_of
-from behaviors.recipe import ModelSettings, Recipe, of_seed
+from behaviors.recipe import Recipe, of_seed
+from behaviors.settings import ModelSettings
 from behaviors.tabular.growing import origins
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import Table, make_table

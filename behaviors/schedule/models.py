@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from behaviors.experience import Stretch, align, in_view, make_model, window_count
 from behaviors.lpm import LocalPredictionModel, PersistentExcitationWarning, identify
-from behaviors.recipe import ExperienceSettings, ModelSettings
 from behaviors.schedule.agents import Agent
 from behaviors.schedule.recipe import Schedule
+from behaviors.settings import ExperienceSettings, ModelSettings
 from behaviors.trials.minds import Store
 from coevo.skill import ObjectModel
 from coevo.skill.model import OBJECT_KINDS

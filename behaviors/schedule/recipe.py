@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from behaviors.recipe import ActionSettings, ExperienceSettings, LearningSettings, ModelSettings
+from behaviors.settings import ActionSettings, ExperienceSettings, LearningSettings, ModelSettings
 from coevo.config import FileSettings, NonNegative, RobotSettings, Settings, Share, StartSettings, WorldSettings
 from coevo.recipes import read_settings
 

@@ -15,8 +15,9 @@ import numpy as np
 
 from behaviors.experience import Stretch, enough, experience
 from behaviors.lpm import MAX_HISTORY_LENGTH, LocalPredictionModel, PersistentExcitationWarning, identify
-from behaviors.recipe import ExperienceSettings, ModelSettings, MoverSettings, Recipe
+from behaviors.recipe import Recipe
 from behaviors.schedule.models import residuals
+from behaviors.settings import ExperienceSettings, ModelSettings, MoverSettings
 from coevo.config import CameraSettings, RobotSettings, WorldSettings
 from coevo.console import note, output_options, show, table
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviors.actor_critic.choice import CHOICES
-from behaviors.recipe import LearningSettings
+from behaviors.settings import LearningSettings
 from coevo.compiled import helper
 from coevo.soccer.rng import below
 

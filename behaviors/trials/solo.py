@@ -9,8 +9,9 @@ import numpy as np
 from msgspec import UNSET
 
 from behaviors.actor_critic.discounts import discount_powers
-from behaviors.recipe import ModelSettings, Recipe
+from behaviors.recipe import Recipe
 from behaviors.reward import discount_matrix
+from behaviors.settings import ModelSettings
 from behaviors.tabular.qlearning import Learner
 from behaviors.tabular.table import Table, make_table
 from behaviors.trials.minds import Criteria, Mind, Store

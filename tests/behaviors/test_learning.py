@@ -13,13 +13,8 @@ from scipy import stats
 from behaviors.cards import make_card, measure
 from behaviors.experience import experience
 from behaviors.learning import evaluate, learn
-from behaviors.recipe import (
-    ExperienceSettings,
-    MoverSettings,
-    Recipe,
-    read_recipe,
-    recipe_digest,
-)
+from behaviors.recipe import Recipe, read_recipe, recipe_digest
+from behaviors.settings import ExperienceSettings, MoverSettings
 from behaviors.trials.scene import Scene
 from behaviors.trials.task import COLLISION, GOING, SUCCESS
 from coevo.config import check

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from behaviors.practice import Practice, Standing, joined
-from behaviors.recipe import LearningSettings
+from behaviors.settings import LearningSettings
 from behaviors.tabular.table import make_table, with_room
 from behaviors.trials.kernels import Results
 

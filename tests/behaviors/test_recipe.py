@@ -7,14 +7,7 @@ import math
 import msgspec
 import pytest
 
-from behaviors.recipe import (
-    Recipe,
-    installed_recipes,
-    is_recipe_of,
-    plain_recipe,
-    read_recipe,
-    recipe_digest,
-)
+from behaviors.recipe import Recipe, installed_recipes, is_recipe_of, plain_recipe, read_recipe, recipe_digest
 from coevo.config import check, to_toml
 from coevo.errors import InputError
 from coevo.skill import load_skill

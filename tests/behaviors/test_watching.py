@@ -14,7 +14,8 @@ from click.testing import CliRunner
 from behaviors.cards import measure
 from behaviors.commands import learn, skills
 from behaviors.learning import evaluate, watch
-from behaviors.recipe import LearningSettings, MoverSettings, Recipe, read_recipe
+from behaviors.recipe import Recipe, read_recipe
+from behaviors.settings import LearningSettings, MoverSettings
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import make_table
 from behaviors.trials.kernels import run_trials

@@ -7,7 +7,7 @@ import pytest
 
 from behaviors.actor_critic.discounts import discount_powers
 from behaviors.actor_critic.updates import Outlook, learn_backwards
-from behaviors.recipe import LearningSettings
+from behaviors.settings import LearningSettings
 from behaviors.tabular.decisions import Decisions
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import make_table

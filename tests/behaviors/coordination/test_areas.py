@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.cluster.vq import kmeans2
 
 from behaviors.coordination.areas import RELEARN, Behaviour, areas_of, component, first_values, state_values
-from behaviors.recipe import LearningSettings
+from behaviors.settings import LearningSettings
 from behaviors.tabular.decisions import Decisions, end_decisions
 from behaviors.tabular.qlearning import lambda_returns, make_learner
 from behaviors.tabular.table import make_table

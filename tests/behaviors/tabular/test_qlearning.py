@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from behaviors.recipe import LearningSettings, read_recipe
+from behaviors.recipe import read_recipe
+from behaviors.settings import LearningSettings
 from behaviors.tabular.qlearning import lambda_returns, make_learner, one_step
 from behaviors.tabular.table import all_states, make_table
 from behaviors.trials.solo import solo_scene

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from behaviors.learning import evaluate
-from behaviors.recipe import MoverSettings, read_recipe
+from behaviors.recipe import read_recipe
+from behaviors.settings import MoverSettings
 from behaviors.trials.informed import informed_action
 from behaviors.trials.solo import provisional_skill, solo_scene
 from coevo.stage import INFORMED

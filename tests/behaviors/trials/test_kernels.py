@@ -6,7 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from behaviors.recipe import LearningSettings, MoverSettings, read_recipe
+from behaviors.recipe import read_recipe
+from behaviors.settings import LearningSettings, MoverSettings
 from behaviors.tabular.qlearning import make_learner
 from behaviors.tabular.table import make_table
 from behaviors.trials.kernels import act, begin_trial, end_trial, judge_trial

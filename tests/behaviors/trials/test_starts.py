@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from behaviors.recipe import MoverSettings, Recipe, read_recipe
+from behaviors.recipe import Recipe, read_recipe
+from behaviors.settings import MoverSettings
 from behaviors.trials.solo import provisional_skill, solo_scene
 from behaviors.trials.starts import start_one
 from coevo.compiled import entry

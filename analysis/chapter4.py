@@ -19,8 +19,7 @@ from analysis.chapter4_compared import between_words, common, faster, geometric,
 from analysis.chapter4_figures import figures, shares_met
 from analysis.chapter4_runs import Arms, Learned, read_arms
 from analysis.charts import altair
-from analysis.written import Report, Rows, frame_table, mean_words, write_report
-from coevo.console import output_options
+from analysis.written import Report, Rows, frame_table, mean_words, report_options, write_report
 from coevo.statistics import probability_of_improvement
 
 __all__ = ["beside_the_dissertation", "comparisons", "held", "levels", "periods", "report", "two_by_two", "worlds"]
@@ -231,9 +230,7 @@ def success(arms: Arms) -> Report:
 
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Where tables and figures go; by default FOLDER/report.")
-@output_options
+@report_options
 def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> None:
     """Make the tables and figures of chapter 4 from the study in FOLDER, which may be under way.
 

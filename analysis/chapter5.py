@@ -17,8 +17,7 @@ import pandas as pd
 from analysis.chapter3_figures import line_chart
 from analysis.chapter5_runs import CARD, WHILE, Arms, common, read_arms
 from analysis.charts import altair
-from analysis.written import Report, Rows, frame_table, mean_words, write_report
-from coevo.console import output_options
+from analysis.written import Report, Rows, frame_table, mean_words, report_options, write_report
 from coevo.statistics import probability_of_improvement
 
 if TYPE_CHECKING:
@@ -117,9 +116,7 @@ def figures(arms: Arms) -> dict[str, alt.LayerChart]:
 
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Where tables and figures go; by default FOLDER/report.")
-@output_options
+@report_options
 def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> None:
     """Make the tables and figures of chapter 5 from the study in FOLDER, which may be under way.
 

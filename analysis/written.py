@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
 import numpy as np
 import pandas as pd
 
 from analysis.charts import chart_bytes
-from coevo.console import show, table
+from coevo.console import output_options, show, table
 from coevo.errors import InputError
 from coevo.statistics import mean_interval
 
 if TYPE_CHECKING:
     import altair as alt
 
-__all__ = ["Report", "Rows", "frame_table", "mean_words", "write_report"]
+__all__ = ["Report", "Rows", "frame_table", "mean_words", "report_options", "write_report"]
 
 Rows = list[list[str]]
 Report = dict[str, tuple[list[str], Rows]]
 """By the name of a table its header and rows."""
+
+
+def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the folder of a study, where its report goes, and how it is shown."""
+    path = click.Path(path_type=Path)
+    where = click.option("--out", type=path, help="Where tables and figures go; by default FOLDER/report.")
+    return click.argument("folder", type=path)(where(output_options(command)))
 
 
 def mean_words(values: Sequence[float], *, least: float = 0.0, most: float = np.inf) -> str:

@@ -41,7 +41,7 @@ def check(*, folders: tuple[Path, ...], as_json: bool, quiet: bool) -> None:
         "files": [{"run": str(path), **finding._asdict()} for path, finding in findings],
     }
     lines = [f"{of.state:8s} {path / of.name}{of.why and ': '}{of.why}" for path, of in [*wrong, *lacking]]
-    said = f"{len(findings)} files of {len(runs)} runs: "
+    said = f"{len(findings)} files of {len(runs)} run{'s' * (len(runs) != 1)}: "
     said += f"{len(wrong)} are damaged" if wrong else "all sound" if not lacking else "none is damaged"
     said += f", {len(lacking)} are missing and are made anew when they are needed" if lacking else ""
     show(data, "\n".join([*lines, said]), as_json=as_json)

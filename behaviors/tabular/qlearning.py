@@ -16,7 +16,7 @@ __all__ = ["Learner", "greedy", "lambda_returns", "make_learner", "one_step"]
 
 
 class Learner(NamedTuple):
-    """Numbers of Q learning, and of actor and critic; see behaviors.recipe.LearningSettings.
+    """Numbers of Q learning, and of actor and critic; see behaviors.settings.LearningSettings.
 
     actor_critic: learn by an actor and a critic (behaviors.actor_critic). literal: (5.9) as it is printed. choice:
         number of one of behaviors.actor_critic.choice.CHOICES.

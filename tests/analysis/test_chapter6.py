@@ -1,0 +1,113 @@
+"""Tables of chapter 6: sizes are those of the trees themselves, shares and take-overs of rows put down by hand."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from analysis.chapter6 import TABLES, endings, late_and_early, read_conditions, sizes, worth
+from analysis.tournament import play_tournament
+from coevo.errors import InputError
+from coevo.evolution.evaluation import Evaluator
+from coevo.run import create_run, open_run
+
+RECIPE = "dissertation-three-learners"
+ENDS = ("pass_and_shoot", "alone", "interception", "unopposed", "own_goal", "time_out")
+COLUMNS = (
+    *("recipe", "seed", "fitness.kind", "run"),
+    *(f"team{team}_{who}" for team in (0, 1) for who in ("last", "first", "single_skills")),
+    *(f"settled_{end}" for end in ENDS),
+    *("settled_ratio", "took_over", "take_over"),
+)
+ROWS = {
+    0: (*(0.5, 0.1, 0.4, 0.2, 0.3, 0.1), *(0.1, 0.2, 0.3, 0.1, 0.1, 0.2), 0.25, 1, 2),
+    1: (*(0.3, 0.2, 0.4, 0.3, 0.2, 0.1), *(0.3, 0.2, 0.1, 0.0, 0.1, 0.3), 0.75, 0, ""),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(small_settings, go_on, tmp_path_factory):
+    path = tmp_path_factory.mktemp("study")
+    rows = []
+    for seed, told in ROWS.items():
+        name = f"{RECIPE}-fixed-seed{seed}"
+        go_on(create_run(path / name, small_settings(f"seed={seed}")))
+        rows.append((RECIPE, seed, "fixed", name, *told))
+    with (path / "table.csv").open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows([COLUMNS, *rows])
+    return path
+
+
+def rows_of(report):
+    ((header, rows),) = report.values()
+    return [dict(zip(header, row, strict=True)) for row in rows]
+
+
+def test_sizes_are_those_of_the_trees_beside_the_table_of_the_source(folder):
+    conditions = read_conditions(folder)
+    (runs,) = conditions.values()
+    assert list(conditions) == ["three-learners, fixed"]
+    found = {(row["robot"], row["of trees"]): row for row in rows_of(sizes(conditions))}
+    assert set(found) == {(robot, what) for robot in ("r0", "r1", "r2") for what in ("depth", "nodes")}
+    for (robot, what), row in found.items():
+        trees = []  # of each run: sizes of all trees of its last generation, best fitness first
+        for one in runs:
+            record = one.run.record(2, robot)
+            ranks = range(len(record))
+            trees.append([getattr(one.run.tree(robot, 2, rank), what) for rank in ranks])
+        best, average, worst = (float(np.mean([of(one) for one in trees])) for of in (lambda x: x[0], np.mean, max))
+        assert row["best"].split()[0] == f"{best:.3f}"
+        assert row["average"].split()[0] == f"{average:.3f}"
+        assert float(row["worst"].split()[0]) <= worst
+        theirs = TABLES["three-learners", "fixed", robot][what == "nodes"]
+        assert row["in the source"] == ", ".join(f"{number:g}" for number in theirs)
+
+
+def test_champions_are_compared_with_the_first_and_with_single_skills_run_by_run(folder):
+    first, second = rows_of(worth(read_conditions(folder)))
+    assert (first["robots"], second["robots"]) == ("r0, r1", "r2")
+    assert [first[name].split()[0] for name in ("last", "first", "single skills")] == ["0.400", "0.150", "0.400"]
+    assert first["last - first"].startswith("0.250")
+    assert (first["ahead of first"], first["of single skills"]) == ("2 of 2", "1 of 2")
+    assert (second["ahead of first"], second["of single skills"]) == ("1 of 2", "2 of 2")
+
+
+def test_games_end_as_the_rows_say(folder):
+    (row,) = rows_of(endings(read_conditions(folder)))
+    assert [row[name].split()[0] for name in ("alone", "interception", "time-out")] == ["0.200", "0.200", "0.250"]
+    assert row["pass and shoot : interception"].startswith("0.500")
+    assert row["most frequent"] == "pass and shoot 1, interception 1"
+    assert row["others took over"] == "1 of 2 [0.09, 0.91]"  # Wilson's interval of one in two
+    assert row["since generation"] == "2.000"
+
+
+def test_thirds_of_a_tournament_are_compared_where_one_was_played(folder):
+    assert rows_of(late_and_early(read_conditions(folder))) == []
+    run = open_run(folder / f"{RECIPE}-fixed-seed1")
+    with Evaluator(run.config, workers=1, backend="threads", folders=run.folders) as evaluator:
+        played = play_tournament(run, evaluator, generations=(0, 1, 2), games=5)
+    found = rows_of(late_and_early(read_conditions(folder)))
+    assert [(row["runs"], row["robots"]) for row in found] == [("1", "r0, r1"), ("1", "r2")]
+    wins = played.wins[0] / 5  # rows are generations of r0 and r1, columns of r2; the last axis who won
+    for row, by_generation in zip(found, (wins[..., 0].mean(axis=1), wins[..., 1].mean(axis=0)), strict=True):
+        assert row["first third"] == f"{by_generation[0]:.3f}"
+        assert row["last third"] == f"{by_generation[2]:.3f}"
+        assert row["last ahead"] == f"{int(by_generation[2] > by_generation[0])} of 1"
+
+
+def test_the_command_writes_tables_and_curves(folder, coevo, tmp_path):
+    said = coevo("reproduce", "chapter6", folder, "--out", tmp_path / "report", "--json")
+    told = json.loads(said.out)
+    assert told["figures"] == ["three-learners.svg"]
+    assert set(told["tables"]) == {"worth", "endings", "late-and-early", "sizes"}
+    assert (tmp_path / "report" / "three-learners.svg").read_text(encoding="utf-8").startswith("<svg")
+
+
+def test_a_run_that_is_not_finished_is_named(small_settings, tmp_path):
+    create_run(tmp_path / "begun", small_settings())
+    (tmp_path / "table.csv").write_text("recipe,seed,run\nsmoke,0,begun\n", encoding="utf-8")
+    with pytest.raises(InputError, match="begun is in the table of the study, but not finished"):
+        read_conditions(tmp_path)

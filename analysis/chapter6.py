@@ -8,7 +8,7 @@ played. Tables are printed and written as CSV, curves of Figs. 6.5, 6.6 and 6.10
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,7 +77,15 @@ class Evolved:
     @property
     def condition(self) -> str:
         """Setting and varied values in words."""
-        return ", ".join([self.setting, *(_short(key, value) for key, value in self.varied.items())])
+        return ", ".join([self.setting, *self._arms()])
+
+    @property
+    def arm(self) -> str:
+        """Varied values alone, or the setting where there are none."""
+        return ", ".join(self._arms()) or self.setting
+
+    def _arms(self) -> list[str]:
+        return [value if key in ("arm", _BY_FITNESS) else f"{key} {value}" for key, value in self.varied.items()]
 
     @property
     def fitness(self) -> str:
@@ -98,10 +106,6 @@ class Evolved:
 
 Conditions = dict[str, list[Evolved]]
 """By the words for a condition, in the order of the study, its finished runs."""
-
-
-def _short(key: str, value: str) -> str:
-    return value if key in ("arm", _BY_FITNESS) else f"{key} {value}"
 
 
 def read_conditions(folder: Path) -> Conditions:
@@ -165,7 +169,8 @@ def endings(conditions: Conditions) -> Report:
     rows: Rows = []
     for name, runs in conditions.items():
         shares = [mean_words([one.told(settled_name(of)) for one in runs], most=1.0) for of in PATTERNS]
-        ratios = [ratio for one in runs if not np.isnan(ratio := one.told("settled_ratio"))]
+        opposed = len({role.team for role in runs[0].run.game.roles}) > 1  # else nobody can intercept
+        ratios = [ratio for one in runs if opposed and not np.isnan(ratio := one.told("settled_ratio"))]
         most = [_most(one) for one in runs]
         usual = ", ".join(f"{of} {most.count(of)}" for of in PATTERNS if of in most)
         over: list[str] = ["", ""]
@@ -222,9 +227,13 @@ def figures(conditions: Conditions) -> dict[str, alt.VConcatChart]:
     found = {}
     for setting, evolved in settings.items():
         opened = [one.run for one in evolved]
-        groups = dict(zip(run_names(opened), (one.condition for one in evolved), strict=True))
+        groups = dict(zip(run_names(opened), (one.arm for one in evolved), strict=True))
         curves = choose(table(opened), _MEASURES, ("best", "mean"))
-        found[f"{setting}.svg"] = chart(summary(curves, groups), words_for(opened))
+        told = (
+            f"best (by fitness) and mean of a generation; means over runs ({len(opened)} in all), bands: 95 % intervals"
+        )
+        words = replace(words_for(opened), title=setting, subtitle=told)
+        found[f"{setting}.svg"] = chart(summary(curves, groups), words)
     return found
 
 

@@ -38,7 +38,7 @@ COLUMNS = (
     *("run", "team", "robots", "kind", "name", "trees", "chosen", "games"),
     *("share", "low", "high", "lost", "time_out", "over", "over_low", "over_high"),
 )
-_CHOOSING = 0.1  # of the games of the search choose among hand-typed teams, and among single skills
+_CHOOSING = 0.1  # of the games of the search choose among single skills, and among hand-typed teams if that is more
 _SINGLES, _SMALL, _HAND = 0, 1, 2  # numbers of searches: each has starts of its own
 
 
@@ -129,7 +129,8 @@ def table(
         entrants.append(found.single_skills(round(_CHOOSING * search_games)))
         entrants.append(found.small_trees(search_games, depth))
         mine = [one for one in hand if one.team == number]
-        entrants += found.hand_typed(mine, round(_CHOOSING * search_games))
+        # They are few, and some of them near each other: as many games choose among them as measure them.
+        entrants += found.hand_typed(mine, max(round(_CHOOSING * search_games), games * len(mine)))
         if random is not None:
             entrants.append(_Entrant("random search", random.path.name, "", True, drawn[number]))
         frames.append(_rows(run, number, entrants, found.measured(entrants, games)))

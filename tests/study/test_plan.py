@@ -152,6 +152,14 @@ def test_the_studies_that_come_along_are_right():
         assert list(run.settings.terminals) == ["shoot", "pass", "avoid", "search"]
 
 
+@pytest.mark.parametrize("name", [name for name in recipe_names("study") if name.startswith("chapter6/")])
+def test_every_study_that_comes_along_can_be_done_and_each_of_its_conditions_differs(name):
+    runs = read_plan(name).runs
+    first = [run.settings for run in runs if run.seed == runs[0].seed]
+    assert len(first) > 1
+    assert all(one != other for one, other in itertools.combinations(first, 2))
+
+
 @pytest.mark.parametrize("name", ["two-learners", "stationary-opponent", "three-learners"])
 def test_the_dissertations_conditions_leave_no_setting_to_a_default(name):
     path = plan.recipe_path(f"chapter6/dissertation-{name}", "evolution")

@@ -32,10 +32,18 @@ from coevo.study.folder import finished_runs
 if TYPE_CHECKING:
     import altair as alt
 
-__all__ = ["TABLES", "Evolved", "endings", "late_and_early", "read_conditions", "report", "sizes", "worth"]
+__all__ = ["TABLES", "Evolved", "endings", "late_and_early", "play", "read_conditions", "report", "sizes", "worth"]
 
 _STATISTICS = ("best", "mean", "worst")
 _MEASURES = ("fitness", "goals", "lost", "kicks", "collisions", "steps")  # f, G, L, K, C and steps of the figures
+_COUNTS = {
+    "goals": "goals",
+    "lost": "lost",
+    "kicks": "contact",
+    "passes": "passes",
+    "collisions": "collisions",
+    "steps": "steps",
+}
 _WHO = ("run", "recipe", "seed")
 _BY_FITNESS = "fitness.kind"
 
@@ -169,18 +177,33 @@ def endings(conditions: Conditions) -> Report:
     rows: Rows = []
     for name, runs in conditions.items():
         shares = [mean_words([one.told(settled_name(of)) for one in runs], most=1.0) for of in PATTERNS]
-        opposed = len({role.team for role in runs[0].run.game.roles}) > 1  # else nobody can intercept
-        ratios = [ratio for one in runs if opposed and not np.isnan(ratio := one.told("settled_ratio"))]
+        ratios = [of for one in runs if not np.isnan(of := one.told("settled_ratio"))]
         most = [_most(one) for one in runs]
         usual = ", ".join(f"{of} {most.count(of)}" for of in PATTERNS if of in most)
-        over: list[str] = ["", ""]
+        over, ratio = ["", ""], ""
         if len(runs[0].teams()) > 1:
+            ratio = mean_words(ratios, most=1.0)
             took = [one.told("take_over") for one in runs if one.told("took_over") == 1.0]
             low, high = share_interval(len(took), len(runs))
             over = [f"{len(took)} of {len(runs)} [{low:.2f}, {high:.2f}]", mean_words(took)]
-        rows.append([name, str(len(runs)), *shares, mean_words(ratios, most=1.0), usual, *over])
+        rows.append([name, str(len(runs)), *shares, ratio, usual, *over])
     header = ["condition", "runs", *PATTERNS, "pass and shoot : interception", "most frequent"]
     return {"endings": ([*header, "others took over", "since generation"], rows)}
+
+
+def play(conditions: Conditions) -> Report:
+    """Return what the best individuals of the last generation did, per game: where Figs. 6.5, 6.6 and 6.10 to 6.13 end.
+
+    These are the games that evolution judged them by, so the best look a little better than they are.
+    """
+    rows: Rows = []
+    for name, runs in conditions.items():
+        games = runs[0].run.config.evaluation.games
+        for robot in runs[0].run.evolving.values():
+            last = [(all_rows := one.run.generations)[all_rows["robot"] == robot].iloc[-1] for one in runs]
+            told = [mean_words([float(row[count]) / games for row in last]) for count in _COUNTS]
+            rows.append([name, str(len(runs)), robot, *told])
+    return {"play": (["condition", "runs", "robot", *_COUNTS.values()], rows)}
 
 
 def _most(one: Evolved) -> str:
@@ -248,6 +271,6 @@ def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> Non
     del quiet  # it shows no progress
     altair()
     conditions = read_conditions(folder)
-    parts: Sequence[Report] = [part(conditions) for part in (worth, endings, late_and_early, sizes)]
+    parts: Sequence[Report] = [part(conditions) for part in (worth, endings, late_and_early, play, sizes)]
     shown = {name: one for part in parts for name, one in part.items()}
     write_report(out or folder / "report", shown, {}, figures(conditions), as_json=as_json)

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from analysis.chapter6 import TABLES, endings, late_and_early, read_conditions, sizes, worth
+from analysis.chapter6 import TABLES, endings, late_and_early, play, read_conditions, sizes, worth
 from analysis.tournament import play_tournament
 from coevo.errors import InputError
 from coevo.evolution.evaluation import Evaluator
@@ -66,6 +66,15 @@ def test_sizes_are_those_of_the_trees_beside_the_table_of_the_source(folder):
         assert row["in the source"] == ", ".join(f"{number:g}" for number in theirs)
 
 
+def test_what_the_best_did_is_told_per_game(folder):
+    conditions = read_conditions(folder)
+    (runs,) = conditions.values()
+    for row in rows_of(play(conditions)):
+        best = [one.run.record(2, row["robot"]).iloc[0] for one in runs]
+        for name, column in {"contact": "kicks", "steps": "steps"}.items():
+            assert row[name].split()[0] == f"{np.mean([one[column] / 2 for one in best]):.3f}"  # of two games
+
+
 def test_champions_are_compared_with_the_first_and_with_single_skills_run_by_run(folder):
     first, second = rows_of(worth(read_conditions(folder)))
     assert (first["robots"], second["robots"]) == ("r0, r1", "r2")
@@ -98,11 +107,12 @@ def test_thirds_of_a_tournament_are_compared_where_one_was_played(folder):
         assert row["last ahead"] == f"{int(by_generation[2] > by_generation[0])} of 1"
 
 
+@pytest.mark.slow
 def test_the_command_writes_tables_and_curves(folder, coevo, tmp_path):
     said = coevo("reproduce", "chapter6", folder, "--out", tmp_path / "report", "--json")
     told = json.loads(said.out)
     assert told["figures"] == ["three-learners.svg"]
-    assert set(told["tables"]) == {"worth", "endings", "late-and-early", "sizes"}
+    assert set(told["tables"]) == {"worth", "endings", "late-and-early", "play", "sizes"}
     assert (tmp_path / "report" / "three-learners.svg").read_text(encoding="utf-8").startswith("<svg")
 
 

@@ -18,9 +18,10 @@ from behaviors.actor_critic.ties import ties_drawn
 from behaviors.checkpoint import parts_of, read_checkpoint, with_prefix, write_checkpoint
 from behaviors.experience import make_models
 from behaviors.practice import Practice, Standing
+from behaviors.tabular.decisions import most_decisions
 from behaviors.tabular.table import Table, pack_table, unpack_table
 from behaviors.team.recipe import TeamRecipe, TurnSettings, model_recipe
-from behaviors.team.scene import COUNTED, Member, first_table, run_games, team_scene
+from behaviors.team.scene import COUNTED, Member, run_games, team_scene, unlearned
 from behaviors.team.tables import rates, turn_rows
 from behaviors.trials.kernels import Results
 from behaviors.trials.scene import Scene
@@ -52,16 +53,26 @@ class TeamCourse:
 
     def __init__(self, recipe: TeamRecipe, seed: int, *, members: list[Member] | None = None) -> None:
         self.recipe, self.seed = recipe, seed
-        self.members = members or [
-            Member(settings, make_models(model_recipe(recipe, settings), self._model_seed(n)))
-            for n, settings in enumerate(recipe.robots)
-        ]
+        self.members = self._new_members() if members is None else members
         self.results: dict[str, Results] = {}
         self.checks: list[dict[str, Any]] = []
         self._practice: Practice | None = None
 
-    def _model_seed(self, robot: int) -> int:
-        return int(game_seed(self.seed, SetStream.GATHERING, robot) >> np.uint64(1))
+    def _new_members(self) -> list[Member]:
+        """Return robots that have models and have learned nothing; a turn without a start is found before that."""
+        members = unlearned(self.recipe)
+        for turn in self.recipe.turns:
+            learners = self.learners(turn)
+            tables = [members[n].first_table(self.recipe) for n in learners]
+            scene = team_scene(self.recipe, members, learners, tables=tables)
+            for n in learners:
+                scene.grow(n, most_decisions(scene.time_limit, self.recipe.action.min_steps))
+            run_games(scene, self.recipe, self.seed, (SetStream.CHECKS, 0), 1, first=1)
+        for n, member in enumerate(members):
+            seed = int(game_seed(self.seed, SetStream.GATHERING, n) >> np.uint64(1))  # a seed has 63 bits
+            member.models = make_models(model_recipe(self.recipe, member.settings), seed)
+            member.skill(self.recipe)  # tells whether it has too many states
+        return members
 
     @classmethod
     def load(cls, path: Path, recipe: TeamRecipe, seed: int) -> Self:
@@ -147,7 +158,7 @@ class TeamCourse:
         """Get the trials of the turn under way ready, from the beginning or from where they stand."""
         recipe, turn, number = self.recipe, self.turn, len(self.results)
         learners, total = self.learners(turn), self.recipe.trials_of(turn)
-        tables = [first_table(self.members[n], recipe) for n in learners] if standing is None else standing.tables
+        tables = [self.members[n].first_table(recipe) for n in learners] if standing is None else standing.tables
         scene = team_scene(recipe, self.members, learners, tables=tables)
         sides = {self.members[n].settings.team for n in learners}
 

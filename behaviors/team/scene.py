@@ -16,6 +16,7 @@ from behaviors.trials.criteria import contact_events, make_criteria
 from behaviors.trials.kernels import Results
 from behaviors.trials.minds import Mind
 from behaviors.trials.scene import Part, Scene, make_scene
+from behaviors.trials.solo import blind_models
 from behaviors.trials.task import COLLIDED, CONCEDED, GIVEN_AWAY, KICKED, PASSED, SUCCEEDED, TEAM, TOUCHED, TaskParams
 from coevo.errors import InputError
 from coevo.seeds import game_seeds
@@ -26,7 +27,7 @@ from coevo.soccer.events import event_params
 from coevo.soccer.placement import regions
 from coevo.stage import LEARNER, SKILL, STANDING
 
-__all__ = ["COUNTED", "Member", "first_table", "run_games", "team_scene"]
+__all__ = ["COUNTED", "Member", "run_games", "team_scene", "unlearned"]
 
 # The events of a team by their names; contact is what happens in a step, and what is told of it how long it lasted.
 _EVENTS = {"goal": SUCCEEDED, "conceded": CONCEDED, "pass": PASSED, "giveaway": GIVEN_AWAY}
@@ -70,19 +71,22 @@ class Member:
             self.settings.name, recipe.world.robot.drive, self.models, values, action.min_steps, action.max_steps
         )
 
+    def first_table(self, recipe: TeamRecipe) -> Table:
+        """Return the table that it begins to learn with: what it had, with rates that begin anew, or zeros."""
+        if self.table is not None:
+            return self.table._replace(visits=(self.table.visits * recipe.keep_visits).astype(np.int64))
+        states, actions = self.skill(recipe).values.shape
+        channels = len(recipe.reward.channels) if recipe.is_vector else 0
+        return make_table(states, actions, sparse=recipe.learning.storage == "sparse", channels=channels)
+
     def role(self) -> int:
         """Return what it does while it does not learn."""
         return STANDING if self.values is None else SKILL
 
 
-def first_table(member: Member, recipe: TeamRecipe) -> Table:
-    """Return the table that a robot begins to learn with: what it had, with rates that begin anew, or zeros."""
-    if member.table is not None:
-        visits = (member.table.visits * recipe.keep_visits).astype(np.int64)
-        return member.table._replace(visits=visits)
-    states, actions = member.skill(recipe).values.shape
-    channels = len(recipe.reward.channels) if recipe.is_vector else 0
-    return make_table(states, actions, sparse=recipe.learning.storage == "sparse", channels=channels)
+def unlearned(recipe: TeamRecipe) -> list[Member]:
+    """Return the robots before they have models: they look at the right objects, but know nothing."""
+    return [Member(settings, blind_models(settings.objects)) for settings in recipe.robots]
 
 
 def team_scene(

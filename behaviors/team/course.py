@@ -24,7 +24,6 @@ from behaviors.team.recipe import TeamRecipe, TurnSettings, model_recipe
 from behaviors.team.scene import COUNTED, Member, run_games, team_scene, unlearned
 from behaviors.team.tables import rates, turn_rows
 from behaviors.trials.kernels import Results
-from behaviors.trials.scene import Scene
 from coevo.seeds import SetStream, game_seed, generator
 from coevo.skill import Skill
 from coevo.skill.model import pack_models, unpack_models
@@ -163,9 +162,7 @@ class TeamCourse:
         sides = {self.members[n].settings.team for n in learners}
 
         def run(first: int, count: int) -> Results:
-            return run_games(
-                scene, recipe, self.seed, (SetStream.LEARNING, number), count, first=first, total=total
-            )
+            return run_games(scene, recipe, self.seed, (SetStream.LEARNING, number), count, first=first, total=total)
 
         self._practice = Practice(
             scene,
@@ -180,9 +177,7 @@ class TeamCourse:
     def _end(self, practice: Practice) -> None:
         """Keep what was learned in a turn."""
         turn = self.turn
-        for n, values, table in zip(
-            self.learners(turn), practice.values_kept(), practice.at.tables, strict=True
-        ):
+        for n, values, table in zip(self.learners(turn), practice.values_kept(), practice.at.tables, strict=True):
             self.members[n].values = self._played(n, values)
             self.members[n].table = Table(*(part.copy() for part in table))
         self.checks += [{"turn": turn.name, **row} for row in practice.at.checks]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import UNSET, Meta, UnsetType
 
 from behaviors.recipe import Recipe
@@ -33,8 +32,12 @@ class TurnSettings(Settings, frozen=True, kw_only=True):
     """Trials in which the same robots learn. The others play what they have learned, or stand if that is nothing."""
 
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9-]{0,15}\Z")]
-    learners: Annotated[tuple[str, ...], Meta(min_length=1)]
+    learners: tuple[str, ...]
     trials: _Trials | UnsetType = UNSET  # instead of the recipe's
+
+    def __post_init__(self) -> None:
+        if not self.learners:
+            raise ValueError(f"learners: nobody learns in {self.name!r}; name a robot, or leave the turn out")
 
 
 class TeamRecipe(FileSettings, frozen=True, kw_only=True):

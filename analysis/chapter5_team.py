@@ -16,7 +16,7 @@ import pandas as pd
 
 from analysis.chapter3_figures import line_chart
 from analysis.chapter5_runs import read_runs
-from analysis.written import Report, Rows, mean_words
+from analysis.written import Report, Rows, frame_table, mean_words
 
 if TYPE_CHECKING:
     import altair as alt
@@ -67,8 +67,10 @@ class TeamRun:
     @property
     def sides(self) -> dict[int, str]:
         """By the number of a side the names of its robots."""
-        names = self.blocks.groupby("team")["robot"].unique()
-        return {int(team): " ".join(sorted(robots)) for team, robots in names.items()}
+        found: dict[int, list[str]] = {}
+        for team, robot in sorted(set(zip(self.blocks["team"], self.blocks["robot"], strict=True))):
+            found.setdefault(int(team), []).append(str(robot))
+        return {team: " ".join(robots) for team, robots in found.items()}
 
     def of(self, *, turn: str, robot: str) -> pd.DataFrame:
         """Return the blocks of a robot in a turn."""
@@ -241,5 +243,4 @@ def team_report(teams: Teams) -> tuple[Report, Report]:
     """Return the tables that are shown, and those that are only written."""
     shown = {name: one for part in (by_turn, rise, scores, afterwards) for name, one in part(teams).items()}
     frame = curves(teams, "goals", each_robot=True)
-    rows = [[str(arm), str(trial), f"{share:.4f}"] for arm, trial, share in frame.itertuples(index=False)]
-    return {name: one for name, one in shown.items() if one[1]}, {"curves": (list(frame), rows)}
+    return {name: one for name, one in shown.items() if one[1]}, {"curves": frame_table(frame)}

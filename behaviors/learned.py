@@ -35,7 +35,7 @@ __all__ = [
     "writing",
 ]
 
-_Block = TypeVar("_Block", covariant=True)
+_Block_co = TypeVar("_Block_co", covariant=True)
 
 CHECKPOINT, SKILL = "learning.npz", "skill.npz"
 CARD_GAMES = 1000  # starts that cards are measured on
@@ -64,21 +64,21 @@ def held_folder(folder: Path) -> Iterator[None]:
         yield
 
 
-class UnderWay(Protocol[_Block]):
+class UnderWay(Protocol[_Block_co]):
     """A learning of one robot or of several, a block of trials at a time; a block says how it went."""
 
     @property
     def is_finished(self) -> bool:
         """Whether all trials have been run."""
 
-    def advance(self) -> _Block:
+    def advance(self) -> _Block_co:
         """Run the next block of trials."""
 
     def save(self, path: Path) -> None:
         """Write where it stands, whole or not at all."""
 
 
-def go_on(learning: UnderWay[_Block], checkpoint: Path, report: Callable[[_Block], None]) -> None:
+def go_on(learning: UnderWay[_Block_co], checkpoint: Path, report: Callable[[_Block_co], None]) -> None:
     """Learn to the end, and write a checkpoint now and then.
 
     Args:

@@ -1,4 +1,4 @@
-"""Several learners in a study of many runs: a folder a run, with the skill of each robot and how often what happened."""
+"""Several learners in a study of many runs: a folder a run, with the skill of each robot and what happened."""
 
 from __future__ import annotations
 

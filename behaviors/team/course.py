@@ -19,7 +19,7 @@ from behaviors.checkpoint import parts_of, read_checkpoint, with_prefix, write_c
 from behaviors.experience import make_models
 from behaviors.practice import Practice, Standing
 from behaviors.tabular.decisions import most_decisions
-from behaviors.tabular.table import Table, pack_table, unpack_table
+from behaviors.tabular.table import pack_table, unpack_table
 from behaviors.team.recipe import TeamRecipe, TurnSettings, model_recipe
 from behaviors.team.scene import COUNTED, Member, run_games, team_scene, unlearned
 from behaviors.team.tables import rates, turn_rows
@@ -179,7 +179,9 @@ class TeamCourse:
         turn = self.turn
         for n, values, table in zip(self.learners(turn), practice.values_kept(), practice.at.tables, strict=True):
             self.members[n].values = self._played(n, values)
-            self.members[n].table = Table(*(part.copy() for part in table))
+            self.members[n].table = unpack_table(
+                {name: part.copy() for name, part in pack_table(table).items()}, len(table.rows)
+            )
         self.checks += [{"turn": turn.name, **row} for row in practice.at.checks]
         self.results[turn.name] = practice.at.results
         self._practice = None
@@ -198,7 +200,8 @@ class TeamCourse:
             now[n] = dataclasses.replace(now[n], values=self._played(n, values))
         scene, games = team_scene(self.recipe, now), self.recipe.learning.check_games
         found = run_games(scene, self.recipe, self.seed, (SetStream.CHECKS, len(self.results)), games)
-        score, told = 0.0, {}
+        score = 0.0
+        told: dict[str, float] = {}
         for n in learners:
             happened = rates(found, n)
             score += sum(amount * happened[event] for event, amount in self.recipe.worth.amounts.items())

@@ -1,4 +1,4 @@
-"""A vector-valued reward as the kernels need it: what each channel earns for each event of a task, and its discounts."""
+"""A vector-valued reward as the kernels need it: what a channel earns for each event of a task, and its discounts."""
 
 from __future__ import annotations
 

@@ -120,8 +120,8 @@ class Scene:
 
 def no_results(trials: int, robots: int = 0) -> Results:
     """Return room for the results of so many trials, in which of so many robots is told what each did."""
-    columns = [np.zeros(trials, np.int64) for _ in Results._fields[:-1]]
-    return Results(*columns, np.zeros((trials, robots, CHANNELS), np.int64))
+    columns = {name: np.zeros(trials, np.int64) for name in Results._fields}
+    return Results(**{**columns, "counts": np.zeros((trials, robots, CHANNELS), np.int64)})
 
 
 def make_scene(

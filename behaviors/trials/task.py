@@ -61,8 +61,8 @@ PASSER, SHOOTER = 0, 1
 # task of a team a goal of team 0 is a success, and one of team 1 a failure.
 SUCCESS, FAILURE, COLLISION, STRAY_GOAL = range(GOING + 1, GOING + 5)
 # What a robot may be rewarded for in a step, in the order in which rewards are added. Contact lasts: kicked is that it
-# begins with the ball; touched is that there is some in the step, bumped the same of another robot. Given away is a pass
-# that an opponent receives.
+# begins with the ball; touched is that there is some in the step, bumped the same of another robot. Given away is a
+# pass that an opponent receives.
 PASSED, SUCCEEDED, COLLIDED, CONCEDED, KICKED, TOUCHED, BUMPED, GIVEN_AWAY = range(8)
 CHANNELS = 8
 _HOME_M = 1.0  # from the middle of its goal, a robot is at home

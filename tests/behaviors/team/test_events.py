@@ -46,40 +46,47 @@ def scene_of(recipe, learners=(0, 1, 2)):
     return team_scene(recipe, members, learners, tables=[members[n].first_table(recipe) for n in learners])
 
 
-def reference(limits, teams, touches, gaps, scored, *, whole_team=False):
-    """Return (robots, CHANNELS) counts of a game from (steps, robots) touches and (steps, robots, robots) gaps.
-
-    Written from the definitions, with the whole game at hand: for who receives a ball it looks back for who had it.
-    """
+def of_the_ball(limits, teams, touches, counts):
+    """Add touches, kicks, passes and giveaways; who had the ball is looked for backwards through the whole game."""
     steps, robots = touches.shape
-    counts = np.zeros((robots, CHANNELS), int)
     had = [(t, r) for t in range(steps) for r in range(robots) if touches[t, r]]
-    for t, r in had:
+    for n, (t, r) in enumerate(had):
         counts[r, TOUCHED] += 1
         if t > 0 and touches[t - 1, r]:
             continue
         counts[r, KICKED] += 1
-        before = had[: had.index((t, r))]
-        if before:
-            since, giver = before[-1]
+        if n > 0:
+            since, giver = had[n - 1]
             if giver != r and not touches[t, giver] and t - since <= limits.pass_window:
                 counts[giver, PASSED if teams[giver] == teams[r] else GIVEN_AWAY] += 1
-    for one in range(robots):
-        others = [other for other in range(robots) if other != one]
-        counts[one, BUMPED] = (gaps[:, one, others] <= limits.contact_gap).any(axis=1).sum()
-        for other in range(robots):
+    return had[-1][1] if had else -1
+
+
+def of_collisions(limits, gaps, one, other, counts):
+    """Add how often a robot ran into another: again only after they had parted."""
+    parted = True
+    for gap in gaps[:, one, other]:
+        if gap <= limits.contact_gap:
+            counts[one, COLLIDED] += parted
+            parted = False
+        elif gap > limits.release_gap:
             parted = True
-            for t in range(steps):
-                if other != one and gaps[t, one, other] <= limits.contact_gap:
-                    counts[one, COLLIDED] += parted
-                    parted = False
-                elif gaps[t, one, other] > limits.release_gap:
-                    parted = True
-    for r in range(robots):
-        if scored >= 0:
-            own = whole_team or (had and had[-1][1] == r)
-            counts[r, SUCCEEDED] = int(bool(teams[r] == scored and own))
-            counts[r, CONCEDED] = int(teams[r] != scored)
+
+
+def reference(limits, teams, touches, gaps, scored, *, whole_team=False):
+    """Return (robots, CHANNELS) counts of a game from (steps, robots) touches and (steps, robots, robots) gaps.
+
+    Written from the definitions, with the whole game at hand.
+    """
+    counts = np.zeros((len(teams), CHANNELS), int)
+    last = of_the_ball(limits, teams, touches, counts)
+    for r, team in enumerate(teams):
+        others = [other for other in range(len(teams)) if other != r]
+        counts[r, BUMPED] = (gaps[:, r, others] <= limits.contact_gap).any(axis=1).sum()
+        for other in others:
+            of_collisions(limits, gaps, r, other, counts)
+        counts[r, SUCCEEDED] = team == scored and (whole_team or last == r)
+        counts[r, CONCEDED] = scored >= 0 and team != scored
     return counts
 
 

@@ -8,8 +8,10 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from behaviors.actor_critic.ties import ties_drawn
+from behaviors.commands import skills
 from behaviors.studies.team import TeamRuns
 from behaviors.team.course import TeamCourse
 from behaviors.team.recipe import read_team
@@ -183,6 +185,9 @@ def test_a_run_of_a_study_goes_on_where_it_was_left_and_is_not_done_twice(tmp_pa
     assert row["scored_team0"] + row["scored_team1"] <= 1.0
     skill = load_skill(str(left / "r2.npz"))
     assert skill.about["robot"] == "r2"
+    said = CliRunner().invoke(skills, ["evaluate", str(left / "r2.npz")])
+    assert isinstance(said.exception, InputError)
+    assert "among several robots" in str(said.exception)
     with (left / "frequencies.csv").open(encoding="utf-8", newline="") as file:
         last = [one for one in csv.DictReader(file) if one["turn"] == "games" and one["robot"] == "r2"]
     assert row["last_turn_goals_team1"] == sum(int(one["scored"]) for one in last)

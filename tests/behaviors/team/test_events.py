@@ -164,7 +164,7 @@ def test_channels_are_paid_for_the_events_of_recorded_trials_and_for_nothing_els
 
 
 def test_the_first_learner_starts_near_the_ball_that_lies_before_the_goal_it_attacks():
-    recipe = read_team(THREE, ["time_limit_steps=1", "learning.easy_share=1.0"])
+    recipe = read_team(THREE, ["time_limit_steps=1", "learning.easy_share=1.0", "ball.x_m=[3.3, 4.9]"])
     length, middle = recipe.world.field.length_m, 0.5 * recipe.world.field.width_m
     for learner, goal_x in ((0, length), (2, 0.0)):
         scene = scene_of(recipe, (learner,))

@@ -1,4 +1,4 @@
-"""What several rewards are worth against weighted sums of them, and Figs. 5.4 and 5.7, from a study of chapter 5.
+"""What several rewards are worth against weighted sums of them, and Figs. 5.4 to 5.10, from a study of chapter 5.
 
 Every finished run of the folder is read, so that a study under way can be looked at; tables are printed and written as
 CSV, figures as SVG, into ``report``. Runs of one seed have the same models and the same trials to begin with, so arms
@@ -16,6 +16,7 @@ import pandas as pd
 
 from analysis.chapter3_figures import line_chart
 from analysis.chapter5_runs import CARD, WHILE, Arms, common, read_arms
+from analysis.chapter5_team import read_teams, team_figures, team_report
 from analysis.charts import altair
 from analysis.written import Report, Rows, frame_table, mean_words, report_options, write_report
 from coevo.statistics import probability_of_improvement
@@ -122,9 +123,14 @@ def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> Non
 
     \b
     Example: coevo reproduce chapter5 runs/shoot-study
+             coevo reproduce chapter5 runs/pass-study
     """
     del quiet  # it shows no progress
     altair()
+    teams = read_teams(folder)
+    if teams:
+        write_report(out or folder / "report", *team_report(teams), team_figures(teams), as_json=as_json)
+        return
     arms = read_arms(folder)
     shown = {
         name: one for part in (on_cards, comparisons, two_by_two, while_learning) for name, one in part(arms).items()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from coevo.errors import InputError
 from coevo.study.folder import finished_runs
 
-__all__ = ["CARD", "WHILE", "Arms", "Rewarded", "common", "read_arms"]
+__all__ = ["CARD", "WHILE", "Arms", "Rewarded", "common", "read_arms", "read_runs"]
 
 Arms = dict[str, list["Rewarded"]]
 """By the name of an arm, in the order of the study, its finished runs."""
@@ -72,22 +72,36 @@ def common(first: list[Rewarded], second: list[Rewarded], what: str) -> NDArray[
 
 
 def read_arms(folder: Path) -> Arms:
-    """Read the finished runs of a study.
+    """Read the finished runs of a study of one learner.
 
     Raises:
         InputError: there is none, or one of them is not of chapter 5.
     """
     arms: Arms = {}
+    for arm, seed, row, blocks in read_runs(folder):
+        arms.setdefault(arm, []).append(Rewarded(arm, seed, row, blocks))
+    return arms
+
+
+def read_runs(folder: Path) -> list[tuple[str, int, dict[str, str], pd.DataFrame]]:
+    """Return of each finished run of a study its arm, seed, row of the table, and blocks of trials.
+
+    Raises:
+        InputError: there is none, or one of them is not of chapter 5.
+    """
+    found = []
     for path, row in finished_runs(folder):
-        arm = row.get("arm", row["recipe"])
         try:
             blocks = pd.read_csv(path / "frequencies.csv")
         except FileNotFoundError:
             raise InputError(
                 f"{path} was not learned as in chapter 5: it has no frequencies.csv, which comes with"
-                ' learning.method = "actor-critic" or ends = "goal"'
+                ' learning.method = "actor-critic" or ends = "goal", and with recipes of the kind "team"'
             ) from None
         except (OSError, ValueError) as error:
             raise InputError(f"{path} is damaged ({error}); remove it, and run 'coevo study' again") from None
-        arms.setdefault(arm, []).append(Rewarded(arm, int(row["seed"]), row, blocks))
-    return arms
+        found.append((row.get("arm", row["recipe"]), int(row["seed"]), row, blocks))
+    several = {"robot" in blocks for *_, blocks in found}
+    if len(several) > 1:
+        raise InputError(f"{folder} holds runs of one learner and of several; make a study of each")
+    return found

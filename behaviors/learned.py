@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 
@@ -25,6 +25,7 @@ __all__ = [
     "CARD_GAMES",
     "CHECKPOINT",
     "SKILL",
+    "UnderWay",
     "card_bytes",
     "card_of",
     "go_on",
@@ -33,6 +34,8 @@ __all__ = [
     "write_learned",
     "writing",
 ]
+
+_Block_co = TypeVar("_Block_co", covariant=True)
 
 CHECKPOINT, SKILL = "learning.npz", "skill.npz"
 CARD_GAMES = 1000  # starts that cards are measured on
@@ -61,19 +64,33 @@ def held_folder(folder: Path) -> Iterator[None]:
         yield
 
 
-def go_on(learning: Learning, checkpoint: Path, report: Callable[[float], None]) -> None:
+class UnderWay(Protocol[_Block_co]):
+    """A learning of one robot or of several, a block of trials at a time; a block says how it went."""
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether all trials have been run."""
+
+    def advance(self) -> _Block_co:
+        """Run the next block of trials."""
+
+    def save(self, path: Path) -> None:
+        """Write where it stands, whole or not at all."""
+
+
+def go_on(learning: UnderWay[_Block_co], checkpoint: Path, report: Callable[[_Block_co], None]) -> None:
     """Learn to the end, and write a checkpoint now and then.
 
     Args:
         learning: under way.
         checkpoint: the file that it is kept in.
-        report: called after each block of trials with the share of them that succeeded.
+        report: called after each block of trials with how it went, such as the share of them that succeeded.
     """
     saved, wait = time.perf_counter(), _SAVE_EVERY_S
     while not learning.is_finished:
         with put_off_interrupt():
-            share = learning.advance()
-        report(share)
+            block = learning.advance()
+        report(block)
         began = time.perf_counter()
         if began - saved >= wait:
             with writing(checkpoint.parent):

@@ -140,7 +140,7 @@ class Practice:
         found = self._run(first, count)
         self._take_tables()
         at.done = first + count
-        at.results = joined([at.results, found])
+        at.results = joined([at.results, found]) if first else found
         self._check_if_due(first)
         return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Annotated, Literal
 
 import msgspec
@@ -23,6 +24,7 @@ class EarnSettings(Settings, frozen=True, kw_only=True):
     goal: _Amount = 0.0  # what the task is about succeeds: for shoot a goal
     conceded: _Amount = 0.0  # a goal against it
     passed: _Amount = msgspec.field(name="pass", default=0.0)
+    giveaway: _Amount = 0.0  # a pass that an opponent receives; of a team alone
     collision: _Amount = 0.0
     kick: _Amount = 0.0  # contact with the ball
 
@@ -73,6 +75,19 @@ class RewardSettings(Settings, frozen=True, kw_only=True):
                     f"matrix: the sum (5.5) has no limit unless all eigenvalues lie within the unit circle; the largest"
                     f" has the modulus {radius:.4g}; make the discounts smaller"
                 )
+
+    def check_events(self, happens: Collection[str], where: str) -> None:
+        """Refuse a channel that earns for what never happens.
+
+        Raises:
+            ValueError: an event is not one of those that happen.
+        """
+        for channel in self.channels:
+            for event in channel.earns.amounts:
+                if event not in happens:
+                    raise ValueError(
+                        f"reward.channels: {channel.name!r} earns for {event!r}, which never happens in {where}"
+                    )
 
     def check_powers(self, per: str) -> None:
         """Refuse a matrix of which a part of an action's discount is not real.

@@ -70,13 +70,14 @@ class SkillStream(IntEnum):
 
 @unique
 class SetStream(IntEnum):
-    """Streams of the seed of a set of chapter 3."""
+    """Streams of the seed of a set of chapter 3, or of several robots of chapter 5."""
 
-    GATHERING = 0  # random actions: a period and trial
-    LEARNING = 1  # a period and trial
-    CHECKS = 2  # a period and trial, the same in all checks of a period
+    GATHERING = 0  # random actions: a period and trial; of several robots: a robot
+    LEARNING = 1  # a period, or turn, and trial
+    CHECKS = 2  # a period, or turn, and trial, the same in all checks of it
     AFTERWARDS = 3  # a trial
     ELSEWHERE = 4  # in the other world: a period and trial
+    TIES = 5  # between actions that are equally good by several rewards: a robot
     TIMING = 9  # a trial
 
 

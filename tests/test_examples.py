@@ -40,6 +40,7 @@ PUBLIC = (
     "behaviors.recipe.read_recipe",
     "behaviors.reward.discount_matrix",
     "behaviors.tabular.growing.origins",
+    "behaviors.team.recipe.read_team",
     "coevo.complexity.Controller",
     "coevo.complexity.value_change",
     "coevo.complexity.values_at",

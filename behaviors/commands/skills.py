@@ -152,4 +152,9 @@ def _with_recipe(skill: str) -> tuple[Skill, Recipe]:
     from coevo.skill import load_skill
 
     loaded = load_skill(skill)
+    if "team" in loaded.about:
+        raise InputError(
+            f"{skill} was learned among several robots, and has no task of its own to be measured in; team.json beside"
+            " it says what it came to, and a game plays it by [skills]"
+        )
     return loaded, check(Recipe, dict(loaded.about.get("recipe", {})), f"the recipe in {skill}")

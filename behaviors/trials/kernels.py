@@ -16,8 +16,19 @@ from behaviors.tabular.decisions import decide, end_decisions
 from behaviors.tabular.table import row_of
 from behaviors.trials.informed import informed_action
 from behaviors.trials.minds import Minds, decisions_of, learner_of, outlook_of, table_of
-from behaviors.trials.starts import start_one, start_two
-from behaviors.trials.task import AVOID, CHANNELS, DEFEND, FAILURE, PASS_AND_SHOOT, SUCCESS, Tally, TaskParams, judge
+from behaviors.trials.starts import start_one, start_team, start_two
+from behaviors.trials.task import (
+    AVOID,
+    CHANNELS,
+    DEFEND,
+    FAILURE,
+    PASS_AND_SHOOT,
+    SUCCESS,
+    TEAM,
+    Tally,
+    TaskParams,
+    judge,
+)
 from coevo.compiled import borrowed, entry, helper, inlined
 from coevo.skill.estimate import remember, sees_what_it_needs
 from coevo.soccer.camera import FEATURES
@@ -36,7 +47,7 @@ _CHASES, _ROAMS, _PLAYS = 3, 2, 4  # of MOVERS
 class Trial(NamedTuple):
     """What trials work on.
 
-    regions: (3, 6), where the bodies of a task of two start, see coevo.soccer.placement.
+    regions: (bodies, 6), where those of a task of two or of a team start, see coevo.soccer.placement.
     progress: (1,) float64, share of the trials that are done: the beta of (3.10); it sets epsilon too.
     tape: of the latest trial.
     """
@@ -56,6 +67,8 @@ class Results(NamedTuple):
     ends: GOING (time ran out), SUCCESS, FAILURE, COLLISION or STRAY_GOAL. passes, steps: how many.
     nearer: of a task of two, the robot that started nearer to the ball.
     kicks, collisions: of robot 0, steps of contact with the ball and how often it ran into another robot.
+    counts: (trials, robots, CHANNELS), of a task of a team how often each robot did what it may be rewarded for; of
+        another task of no robots.
     """
 
     ends: NDArray[np.int64]
@@ -64,6 +77,7 @@ class Results(NamedTuple):
     nearer: NDArray[np.int64]
     kicks: NDArray[np.int64]
     collisions: NDArray[np.int64]
+    counts: NDArray[np.int64]
 
 
 @inlined
@@ -107,6 +121,20 @@ def _start_two(trial: Trial, rng: NDArray[np.uint64]) -> bool:
 
 
 @inlined
+def _start_team(trial: Trial, rng: NDArray[np.uint64]) -> bool:
+    """Several that learn take turns in having an easy start, and start where it is no matter what they see."""
+    learner, learners = -1, 0
+    for robot in range(trial.stage.roles.role.shape[0]):
+        if _is_learning(trial, robot):
+            learners += 1
+            if learners == 1 or below(rng, learners) == 0:
+                learner = robot
+    ease = _ease(trial, learner) if learner >= 0 else 0.0
+    in_view = trial.task.in_view and learners == 1
+    return start_team(trial.stage, trial.regions, learner, ease, in_view, rng)
+
+
+@inlined
 def _cast_other(trial: Trial, rng: NDArray[np.uint64]) -> None:
     """Give the other robot of a task of one its part in this trial."""
     task, roles = trial.task, trial.stage.roles
@@ -128,16 +156,23 @@ def _begin(trial: Trial, number: int, total: int, rng: NDArray[np.uint64]) -> bo
     """Place everything and forget the trial before; False if no start was found."""
     minds, tally = trial.minds, trial.tally
     trial.progress[0] = number / max(total - 1, 1)
-    found = _start_two(trial, rng) if trial.task.task == PASS_AND_SHOOT else _start_one(trial, rng)
+    task = trial.task.task
+    if task == TEAM:
+        found = _start_team(trial, rng)
+    else:
+        found = _start_two(trial, rng) if task == PASS_AND_SHOOT else _start_one(trial, rng)
     if not found:
         return False
     begin(trial.stage, rng)
-    if trial.task.task != PASS_AND_SHOOT:
+    if task not in (PASS_AND_SHOOT, TEAM):
         _cast_other(trial, rng)
     if is_taping(trial.tape):
         record_state(trial.tape, trial.stage, 0)
     tally.trial[0], tally.passes[0], tally.lost_for[0] = number, 0, 0
-    tally.touched[0], tally.collisions[0] = 0, 0
+    tally.holder[0], tally.held_at[0] = -1, 0
+    tally.touched.fill(0)
+    tally.collisions.fill(0)
+    tally.counted.fill(0)
     for robot in range(trial.stage.roles.role.shape[0]):
         learner = learner_of(minds, robot)
         minds.epsilon[robot] = learner.epsilon_start + (learner.epsilon_end - learner.epsilon_start) * trial.progress[0]
@@ -303,6 +338,9 @@ def run_trials(
         results.nearer[n] = tally.nearer[0]
         results.kicks[n] = trial.stage.events.kicks[0]
         results.collisions[n] = trial.stage.events.collisions[0]
+        for robot in range(tally.counted.shape[0]):
+            for event in range(CHANNELS):
+                results.counts[n, robot, event] = tally.counted[robot, event]
         if trial.task.gathering and store.written[0, 0] >= store.trial.shape[1]:
             return n + 1
     return int(seeds.shape[0])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from behaviors.tabular.table import with_room
 from behaviors.trials.kernels import Results, Trial, run_trials
 from behaviors.trials.minds import Mind, make_minds, with_tables_of
-from behaviors.trials.task import CHANNELS, Tally, TaskParams
+from behaviors.trials.task import CHANNELS, TEAM, Tally, TaskParams
 from coevo.config import WorldSettings
 from coevo.skill import SkillBank
 from coevo.soccer.events import EventParams
@@ -96,7 +96,7 @@ class Scene:
             first, total: set the schedule of learning.
             limit: instead of the time limit, and not above it.
         """
-        found = no_results(len(seeds))
+        found = no_results(len(seeds), len(self.trial.tally.counted))
         ran = run_trials(self.trial, limit or self.time_limit, first, total, seeds, found)
         gathered = self.trial.task.gathering and self.trial.minds.store.written[0, 0] >= len(
             self.trial.minds.store.trial[0]
@@ -107,7 +107,8 @@ class Scene:
         """Run the trials that ``run`` runs, and keep every step of them; None if no start was found."""
         watched = []
         for number in range(len(seeds)):
-            tape, found = blank_tape(len(self.minds), self.time_limit), no_results(1)
+            tape = blank_tape(len(self.minds), self.time_limit)
+            found = no_results(1, len(self.trial.tally.counted))
             taped, seed = self.trial._replace(tape=tape), seeds[number : number + 1]
             if run_trials(taped, self.time_limit, number, len(seeds), seed, found) < 1:
                 return None
@@ -117,9 +118,10 @@ class Scene:
         return watched
 
 
-def no_results(trials: int) -> Results:
-    """Return room for the results of so many trials."""
-    return Results(*(np.zeros(trials, np.int64) for _ in Results._fields))
+def no_results(trials: int, robots: int = 0) -> Results:
+    """Return room for the results of so many trials, in which of so many robots is told what each did."""
+    columns = {name: np.zeros(trials, np.int64) for name in Results._fields}
+    return Results(**{**columns, "counts": np.zeros((trials, robots, CHANNELS), np.int64)})
 
 
 def make_scene(
@@ -143,7 +145,7 @@ def make_scene(
         limits: of events.
         time_limit: of a trial [steps].
         hold: for how many steps, at least and at most, a robot holds a random action.
-        regions: where the bodies of a task of two start.
+        regions: where the bodies of a task of two or of a team start.
     """
     robots = len(parts)
     key = (msgspec.json.encode(world), robots)
@@ -165,12 +167,21 @@ def make_scene(
     stage.roles.target[:] = [part.target for part in parts]
     stage.roles.hold[:] = hold
     minds = [part.mind for part in parts]
-    one = [np.zeros(1, np.int64) for _ in range(len(Tally._fields) - 1)]
+    of_one: dict[str, NDArray[np.int64]] = {
+        name: np.zeros(1, np.int64) for name in ("passes", "nearer", "trial", "lost_for", "holder", "held_at")
+    }
+    tally = Tally(
+        rewards=np.zeros((robots, CHANNELS)),
+        touched=np.zeros(robots, np.int64),
+        collisions=np.zeros(robots, np.int64),
+        counted=np.zeros((robots if task.task == TEAM else 0, CHANNELS), np.int64),
+        **of_one,
+    )
     trial = Trial(
         stage,
         task,
         make_minds(minds, time_limit, stage.memory.areas.shape[1]),
-        Tally(np.zeros((robots, CHANNELS)), *one),
+        tally,
         np.zeros((0, 6)) if regions is None else regions,
         np.zeros(1),
         no_tape(),

@@ -8,26 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import UNSET
 
-from behaviors.actor_critic.discounts import discount_powers
 from behaviors.recipe import Recipe
-from behaviors.reward import discount_matrix
 from behaviors.settings import ModelSettings
 from behaviors.tabular.qlearning import Learner
 from behaviors.tabular.table import Table, make_table
+from behaviors.trials.criteria import contact_events, make_criteria
 from behaviors.trials.minds import Criteria, Mind, Store
 from behaviors.trials.scene import Part, Scene, make_scene
-from behaviors.trials.task import (
-    BUMPED,
-    CHANNELS,
-    COLLIDED,
-    CONCEDED,
-    KICKED,
-    MOVERS,
-    SUCCEEDED,
-    TASKS,
-    TOUCHED,
-    TaskParams,
-)
+from behaviors.trials.task import COLLIDED, CONCEDED, MOVERS, SUCCEEDED, TASKS, TaskParams
 from coevo.errors import InputError
 from coevo.skill import ObjectModel, Skill, load_skill, make_bank
 from coevo.skill.model import INPUTS, MOST_STATES, OBJECT_KINDS
@@ -65,22 +53,10 @@ def criteria_of(recipe: Recipe) -> Criteria | None:
     settings, per_action = recipe.reward, recipe.learning.discount_per == "action"
     if settings is UNSET or not recipe.is_vector:
         return None
-    contacts = {"action": (BUMPED, TOUCHED), "step": (BUMPED, TOUCHED), "contact": (COLLIDED, KICKED)}[settings.paid]
-    collision, kick = contacts if recipe.ends == "goal" else (COLLIDED, contacts[1])
-    numbers = {"goal": SUCCEEDED, "conceded": CONCEDED, "pass": SUCCEEDED, "collision": collision, "kick": kick}
-    earned = np.zeros((len(settings.channels), CHANNELS))
-    for n, channel in enumerate(settings.channels):
-        for event, amount in channel.earns.amounts.items():
-            earned[n, numbers[event]] += amount
-    once = np.zeros(CHANNELS, np.bool_)
-    once[[BUMPED, TOUCHED]] = settings.paid == "action"
-    gamma, most = discount_matrix(settings), recipe.time_limit_steps
-    if per_action:
-        discounts = np.stack([gamma] * (most + 1))
-    else:
-        discounts = discount_powers(gamma, 1.0 / settings.discount_steps, most)
-    tolerances = np.array([channel.tolerance for channel in settings.channels])
-    return Criteria(earned, once, discounts, tolerances)
+    numbers = {"goal": SUCCEEDED, "conceded": CONCEDED, "pass": SUCCEEDED, **contact_events(settings)}
+    if recipe.ends == "event":  # the first collision is the end
+        numbers["collision"] = COLLIDED
+    return make_criteria(settings, numbers, per_action=per_action, most_steps=recipe.time_limit_steps)
 
 
 def solo_scene(

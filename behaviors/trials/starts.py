@@ -15,7 +15,7 @@ from coevo.soccer.placement import place
 from coevo.soccer.rng import uniform
 from coevo.stage.data import Stage
 
-__all__ = ["start_one", "start_two"]
+__all__ = ["start_one", "start_team", "start_two"]
 
 _TRIES = 20_000
 _TRIES_OF_TWO = 10_000_000  # for the easy starts of the shooter 100,000 were too few in one set of ten
@@ -179,5 +179,42 @@ def start_two(
             continue
         _sees(stage, PASSER)
         if areas[PASSER, BALL] > 0.0 and areas[PASSER, ROBOTS] > 0.0:
+            return True
+    return False
+
+
+@helper
+def start_team(
+    stage: Stage,
+    regions: NDArray[np.float64],
+    learner: int,
+    ease: float,
+    in_view: bool,
+    rng: NDArray[np.uint64],
+) -> bool:
+    """Draw the start of a trial of a team; False if none was found.
+
+    Bodies lie in their regions. ``ease`` brings the ball near the goal that the learner (-1: nobody) attacks, and the
+    learner near the ball, wherever their regions are. ``in_view``: the learner sees both.
+    """
+    physics, state, areas = stage.physics, stage.body.state, stage.memory.areas
+    ball, middle = state.shape[0] - 1, 0.5 * physics.width
+    to_ball, to_aim = _easy_reach(physics, ease)
+    for _ in range(_TRIES):
+        if not place(physics, regions, stage.roles.team, state, rng):
+            return False
+        if learner < 0:
+            return True
+        if ease > 0.0:
+            aim_x = physics.length if stage.roles.team[learner] == 0 else 0.0
+            free = _draw(physics, physics.ball_radius, aim_x, middle, to_aim, state, ball, rng)
+            x, y = state[ball, 0], state[ball, 1]
+            free = free and _draw(physics, physics.robot_radius, x, y, to_ball, state, learner, rng)
+            if not free or not _free(physics, state):
+                continue
+        if not in_view:
+            return True
+        _sees(stage, learner)
+        if areas[learner, BALL] > 0.0 and areas[learner, OPPONENT_GOAL] > 0.0:
             return True
     return False

@@ -2,7 +2,7 @@
 
 In a task of one the learner is robot 0. For pass and avoid robot 1 follows a script, and for defend it attacks with a
 skill: it is a part of the environment. In the task of two robot 0 is the passer and robot 1 the shooter; both attack
-the goal at x = length.
+the goal at x = length. In the task of a team every robot may learn, and has a side.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ __all__ = [
     "CONCEDED",
     "DEFEND",
     "FAILURE",
+    "GIVEN_AWAY",
     "GOING",
     "HOME",
     "KICKED",
@@ -45,22 +46,25 @@ __all__ = [
     "SUCCEEDED",
     "SUCCESS",
     "TASKS",
+    "TEAM",
     "TOUCHED",
     "Tally",
     "TaskParams",
     "judge",
 ]
 
-SHOOT, PASS, AVOID, SEARCH, PASS_AND_SHOOT, DEFEND, HOME = range(7)
-TASKS = ("shoot", "pass", "avoid", "search", "pass and shoot", "defend", "home")
+SHOOT, PASS, AVOID, SEARCH, PASS_AND_SHOOT, DEFEND, HOME, TEAM = range(8)
+TASKS = ("shoot", "pass", "avoid", "search", "pass and shoot", "defend", "home", "team")
 MOVERS = ("none", "standing", "random", "chaser", "skill")
 PASSER, SHOOTER = 0, 1
-# How a trial stands. A stray goal: one that the shooter of the task of two, or the learner, did not touch last.
+# How a trial stands. A stray goal: one that the shooter of the task of two, or the learner, did not touch last. In the
+# task of a team a goal of team 0 is a success, and one of team 1 a failure.
 SUCCESS, FAILURE, COLLISION, STRAY_GOAL = range(GOING + 1, GOING + 5)
 # What a robot may be rewarded for in a step, in the order in which rewards are added. Contact lasts: kicked is that it
-# begins with the ball; touched is that there is some in the step, bumped the same of another robot.
-PASSED, SUCCEEDED, COLLIDED, CONCEDED, KICKED, TOUCHED, BUMPED = range(7)
-CHANNELS = 7
+# begins with the ball; touched is that there is some in the step, bumped the same of another robot. Given away is a
+# pass that an opponent receives.
+PASSED, SUCCEEDED, COLLIDED, CONCEDED, KICKED, TOUCHED, BUMPED, GIVEN_AWAY = range(8)
+CHANNELS = 8
 _HOME_M = 1.0  # from the middle of its goal, a robot is at home
 
 
@@ -74,7 +78,7 @@ class TaskParams(NamedTuple):
     patience: for how many steps a learner may not see what its skill needs before the trial ends.
     gathering: only experience is wanted: a trial ends with the ball, or when the store is full.
     goal_ends: of a task of one: nothing ends a trial but goals and time. by_last_touch: only a goal after a touch of
-        the learner is its own.
+        the learner is its own; in the task of a team it is of who touched the ball last, else of all its side.
     """
 
     task: int
@@ -98,7 +102,9 @@ class Tally(NamedTuple):
     passes: (1,) int64, so far.
     nearer: (1,) int64, the robot that started nearer to the ball. trial: (1,) int64, number of the trial.
     lost_for: (1,) int64, for how many steps a learner has not seen what its skill needs.
-    touched, collisions: (1,) int64, of robot 0: whether it touched the ball in the step before, and collisions so far.
+    touched, collisions: (robots,) int64, whether each touched the ball in the step before, and collisions so far.
+    holder, held_at: (1,) int64, who had touched the ball last when the step began, and when.
+    counted: (robots, CHANNELS) int64, of the task of a team: how often each did what it may be rewarded for.
     """
 
     rewards: NDArray[np.float64]
@@ -108,6 +114,9 @@ class Tally(NamedTuple):
     lost_for: NDArray[np.int64]
     touched: NDArray[np.int64]
     collisions: NDArray[np.int64]
+    holder: NDArray[np.int64]
+    held_at: NDArray[np.int64]
+    counted: NDArray[np.int64]
 
 
 @inlined
@@ -119,6 +128,8 @@ def judge(task: TaskParams, stage: Stage, tally: Tally) -> int:
     tally.rewards.fill(0.0)
     if task.task == PASS_AND_SHOOT:
         return _judge_two(task, stage, tally)
+    if task.task == TEAM:
+        return _judge_team(task, stage, tally)
     return _judge_one(task, stage, tally)
 
 
@@ -200,3 +211,48 @@ def _judge_two(task: TaskParams, stage: Stage, tally: Tally) -> int:
     if scored == 1 or out_of_field(physics, state, PASSER) or out_of_field(physics, state, SHOOTER):
         return FAILURE
     return GOING
+
+
+@inlined
+def _note_touches(stage: Stage, tally: Tally) -> None:
+    """Fill what the robots of a team may be rewarded for by contact with the ball.
+
+    A ball is given away as it is passed (see ``record_contacts``), but to an opponent.
+    """
+    ball_gap, teams, events = stage.body.ball_gap, stage.roles.team, stage.events
+    holder, held_at, now = tally.holder[0], tally.held_at[0], events.touched_at[0]
+    for r in range(teams.shape[0]):
+        if in_contact(stage.limits, ball_gap[r]):
+            tally.rewards[r, TOUCHED] = 1.0
+            if tally.touched[r] == 0:
+                tally.rewards[r, KICKED] = 1.0
+                free = holder >= 0 and not in_contact(stage.limits, ball_gap[holder])
+                if free and teams[holder] != teams[r] and now - held_at <= stage.limits.pass_window:
+                    tally.rewards[holder, GIVEN_AWAY] += 1.0
+            holder, held_at = r, now
+        tally.touched[r] = int(tally.rewards[r, TOUCHED])
+    tally.holder[0], tally.held_at[0] = events.last_touch[0], events.touched_at[0]
+
+
+@inlined
+def _judge_team(task: TaskParams, stage: Stage, tally: Tally) -> int:
+    body, events, teams, rewards = stage.body, stage.events, stage.roles.team, tally.rewards
+    _note_touches(stage, tally)
+    scored = goal_scored(stage.physics, body.state)
+    tally.passes[0] = 0
+    for r in range(teams.shape[0]):
+        rewards[r, PASSED] = events.passes[r] - tally.counted[r, PASSED]
+        tally.passes[0] += events.passes[r]
+        rewards[r, COLLIDED] = events.collisions[r] - tally.counted[r, COLLIDED]
+        for other in range(teams.shape[0]):
+            if other != r and in_contact(stage.limits, body.robot_gap[r, other]):
+                rewards[r, BUMPED] = 1.0
+        if scored == teams[r] and (events.last_touch[0] == r or not task.by_last_touch):
+            rewards[r, SUCCEEDED] = 1.0
+        if scored >= 0 and scored != teams[r]:
+            rewards[r, CONCEDED] = 1.0
+        for event in range(CHANNELS):
+            tally.counted[r, event] += int(rewards[r, event])
+    if scored < 0:
+        return GOING
+    return SUCCESS if scored == 0 else FAILURE

@@ -60,6 +60,7 @@ _KINDS = {
     "evolution": ("an experiment of evolution", "coevo evolve"),
     "skill": ("the recipe of a skill", "coevo learn"),
     "schedule": ("a schedule of two robots", "coevo reproduce chapter3"),
+    "team": ("a recipe of several learners", "coevo study"),
     "study": ("a study of many runs", "coevo study"),
 }
 # Settings that have another name, or stand elsewhere, than they once did.

@@ -33,7 +33,7 @@ class Scene:
         for mind, step in zip(self.minds, (1.0, 10.0), strict=True):
             mind.table.values[:] += step * count
         numbers = np.arange(first, first + count)
-        return Results(*(numbers + k for k in range(6)))
+        return Results(*(numbers + k for k in range(len(Results._fields))))
 
 
 def practice_of(scores, *, total=1000, block=100, early=False, learners=(0, 1), **rule):  # noqa: ANN003 - settings
@@ -152,5 +152,6 @@ def test_a_practice_that_goes_on_from_where_it_stood_ends_as_if_it_had_not_stopp
 
 
 def test_results_are_joined_column_by_column():
-    one, two = (Results(*(np.full(length, value) for value in range(6))) for length in (2, 3))
-    assert [column.tolist() for column in joined([one, two])] == [[value] * 5 for value in range(6)]
+    columns = range(len(Results._fields))
+    one, two = (Results(*(np.full(length, value) for value in columns)) for length in (2, 3))
+    assert [column.tolist() for column in joined([one, two])] == [[value] * 5 for value in columns]

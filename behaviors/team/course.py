@@ -1,0 +1,257 @@
+"""Robots go through the turns of a recipe, a block of trials at a time.
+
+Where it stands can be kept in a file and gone on with; it ends as if it had never stopped.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Self
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviors.actor_critic.ties import ties_drawn
+from behaviors.checkpoint import parts_of, read_checkpoint, with_prefix, write_checkpoint
+from behaviors.experience import make_models
+from behaviors.practice import Practice, Standing
+from behaviors.tabular.decisions import most_decisions
+from behaviors.tabular.table import pack_table, unpack_table
+from behaviors.team.recipe import TeamRecipe, TurnSettings, model_recipe
+from behaviors.team.scene import COUNTED, Member, run_games, team_scene, unlearned
+from behaviors.team.tables import rates, turn_rows
+from behaviors.trials.kernels import Results
+from coevo.seeds import SetStream, game_seed, generator
+from coevo.skill import Skill
+from coevo.skill.model import pack_models, unpack_models
+
+__all__ = ["TeamCourse"]
+
+_BEGIN_ANEW = "remove it, and the learning begins anew"
+
+
+class TeamCourse:
+    """Turns of learning under way, from nothing.
+
+    A robot that does not learn plays by the table that did best in the checks of its last turn; it goes on to learn
+    with the last one. Where robots of both sides learn at once nothing is checked: what is better for one is worse for
+    the other.
+
+    Args:
+        recipe: robots and turns.
+        seed: all that happens follows from it.
+
+    Attributes:
+        members: the robots, and what they have learned so far.
+        results: of the turns that are over, by their names.
+        checks: what was found meanwhile, as plain data.
+    """
+
+    def __init__(self, recipe: TeamRecipe, seed: int, *, members: list[Member] | None = None) -> None:
+        self.recipe, self.seed = recipe, seed
+        self.members = self._new_members() if members is None else members
+        self.results: dict[str, Results] = {}
+        self.checks: list[dict[str, Any]] = []
+        self._practice: Practice | None = None
+
+    def _new_members(self) -> list[Member]:
+        """Return robots that have models and have learned nothing; a turn without a start is found before that."""
+        members = unlearned(self.recipe)
+        for turn in self.recipe.turns:
+            learners = self.learners(turn)
+            tables = [members[n].first_table(self.recipe) for n in learners]
+            scene = team_scene(self.recipe, members, learners, tables=tables)
+            for n in learners:
+                scene.grow(n, most_decisions(scene.time_limit, self.recipe.action.min_steps))
+            run_games(scene, self.recipe, self.seed, (SetStream.CHECKS, 0), 1, first=1)
+        for n, member in enumerate(members):
+            seed = int(game_seed(self.seed, SetStream.GATHERING, n) >> np.uint64(1))  # a seed has 63 bits
+            member.models = make_models(model_recipe(self.recipe, member.settings), seed)
+            member.skill(self.recipe)  # tells whether it has too many states
+        return members
+
+    @classmethod
+    def load(cls, path: Path, recipe: TeamRecipe, seed: int) -> Self:
+        """Go on with what stands in a checkpoint.
+
+        Raises:
+            InputError: the checkpoint is damaged, or of another recipe, seed, or version.
+        """
+        at, arrays = read_checkpoint(path, _identity(recipe, seed), remedy=_BEGIN_ANEW)
+        members = [
+            _unpack(settings, header, parts_of(settings.name, arrays))
+            for settings, header in zip(recipe.robots, at["members"], strict=True)
+        ]
+        course = cls(recipe, seed, members=members)
+        course.checks = at["checks"]
+        course.results = {name: Results(**parts_of(f"results.{name}", arrays)) for name in at["over"]}
+        if at["practice"] is not None:
+            course._prepare(Standing.unpack(at["practice"], parts_of("practice", arrays)))
+        return course
+
+    def save(self, path: Path) -> None:
+        """Write a checkpoint, whole or not at all.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        arrays: dict[str, NDArray[Any]] = {}
+        headers = []
+        for member in self.members:
+            header, parts = _pack(member)
+            headers.append(header)
+            arrays |= with_prefix(member.settings.name, parts)
+        for name, found in self.results.items():
+            arrays |= with_prefix(f"results.{name}", found._asdict())
+        practice = None
+        if self._practice is not None:
+            practice, parts = self._practice.at.pack()
+            arrays |= with_prefix("practice", parts)
+        at = {"members": headers, "checks": self.checks, "over": list(self.results), "practice": practice}
+        write_checkpoint(path, _identity(self.recipe, self.seed), {**at, "done": self.done}, arrays)
+
+    @property
+    def done(self) -> int:
+        """How many trials have been run, of all turns."""
+        over = sum(len(found.ends) for found in self.results.values())
+        return over + (0 if self._practice is None else self._practice.at.done)
+
+    @property
+    def trials(self) -> int:
+        """How many trials all turns have."""
+        return sum(self.recipe.trials_of(turn) for turn in self.recipe.turns)
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether all turns are over."""
+        return len(self.results) == len(self.recipe.turns)
+
+    @property
+    def turn(self) -> TurnSettings:
+        """The turn under way, or the one that comes next."""
+        return self.recipe.turns[len(self.results)]
+
+    def learners(self, turn: TurnSettings) -> list[int]:
+        """Return the numbers of the robots that learn in a turn, in their order."""
+        return [n for n, name in enumerate(self.recipe.names) if name in turn.learners]
+
+    def advance(self) -> Results:
+        """Run the next block of trials; return how they went.
+
+        Raises:
+            InputError: no start was found.
+        """
+        if self._practice is None:
+            self._prepare(None)
+        practice = self._practice
+        assert practice is not None
+        found = practice.advance()
+        if practice.is_finished:
+            self._end(practice)
+        return found
+
+    def _prepare(self, standing: Standing | None) -> None:
+        """Get the trials of the turn under way ready, from the beginning or from where they stand."""
+        recipe, turn, number = self.recipe, self.turn, len(self.results)
+        learners, total = self.learners(turn), self.recipe.trials_of(turn)
+        tables = [self.members[n].first_table(recipe) for n in learners] if standing is None else standing.tables
+        scene = team_scene(recipe, self.members, learners, tables=tables)
+        sides = {self.members[n].settings.team for n in learners}
+
+        def run(first: int, count: int) -> Results:
+            return run_games(scene, recipe, self.seed, (SetStream.LEARNING, number), count, first=first, total=total)
+
+        self._practice = Practice(
+            scene,
+            learners,
+            total,
+            run,
+            check=(lambda: self._check(learners)) if len(sides) == 1 else None,
+            rule=recipe.learning,
+            standing=standing,
+        )
+
+    def _end(self, practice: Practice) -> None:
+        """Keep what was learned in a turn."""
+        turn = self.turn
+        for n, values, table in zip(self.learners(turn), practice.values_kept(), practice.at.tables, strict=True):
+            self.members[n].values = self._played(n, values)
+            self.members[n].table = unpack_table(
+                {name: part.copy() for name, part in pack_table(table).items()}, len(table.rows)
+            )
+        self.checks += [{"turn": turn.name, **row} for row in practice.at.checks]
+        self.results[turn.name] = practice.at.results
+        self._practice = None
+
+    def _played(self, robot: int, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the values by which a robot plays, from those of its table."""
+        if not self.recipe.is_vector:
+            return values
+        return ties_drawn(values, generator(self.seed, SetStream.TIES, robot))
+
+    def _check(self, learners: list[int]) -> tuple[float, Mapping[str, float]]:
+        """Measure the greedy policies of the tables, on starts that are the same in all checks of a turn."""
+        assert self._practice is not None
+        now = list(self.members)
+        for n, values in zip(learners, self._practice.values_now(), strict=True):
+            now[n] = dataclasses.replace(now[n], values=self._played(n, values))
+        scene, games = team_scene(self.recipe, now), self.recipe.learning.check_games
+        found = run_games(scene, self.recipe, self.seed, (SetStream.CHECKS, len(self.results)), games)
+        score = 0.0
+        told: dict[str, float] = {}
+        for n in learners:
+            happened = rates(found, n)
+            score += sum(amount * happened[event] for event, amount in self.recipe.worth.amounts.items())
+            told |= {f"{event}_{self.recipe.names[n]}": happened[event] for event in COUNTED}
+        return score, {**told, "score": score}
+
+    def afterwards(self) -> Results:
+        """Let all robots play greedily, on starts that no learning and no check has seen."""
+        scene = team_scene(self.recipe, self.members)
+        return run_games(scene, self.recipe, self.seed, (SetStream.AFTERWARDS,), self.recipe.games)
+
+    def skills(self) -> dict[str, Skill]:
+        """Return what each robot has learned, by its name; a robot that never learned has nothing."""
+        found = {}
+        for n, member in enumerate(self.members):
+            if member.values is not None:
+                about = {"team": msgspec.to_builtins(self.recipe), "robot": self.recipe.names[n], "seed": self.seed}
+                found[member.settings.name] = dataclasses.replace(member.skill(self.recipe), about=about)
+        return found
+
+    def frequencies(self) -> list[dict[str, Any]]:
+        """Return how often what is rewarded happened, a row for each block of trials and robot."""
+        rows: list[dict[str, Any]] = []
+        before = 0
+        for turn in self.recipe.turns:
+            if turn.name in self.results:
+                found = self.results[turn.name]
+                rows += turn_rows(self.recipe, turn, found, before)
+                before += len(found.ends)
+        return rows
+
+
+def _identity(recipe: TeamRecipe, seed: int) -> dict[str, Any]:
+    """Return what decides the result."""
+    return {**msgspec.to_builtins(recipe), "seed": seed}
+
+
+def _pack(member: Member) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    objects, arrays = pack_models(member.models)
+    header: dict[str, Any] = {"objects": objects, "states": None}
+    if member.values is not None:
+        arrays["values"] = member.values
+    if member.table is not None:
+        header["states"] = len(member.table.rows)
+        arrays |= with_prefix("table", pack_table(member.table))
+    return header, arrays
+
+
+def _unpack(settings: Any, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Member:
+    table = None
+    if header["states"] is not None:
+        table = unpack_table(parts_of("table", arrays), header["states"])
+    return Member(settings, unpack_models(header["objects"], arrays), arrays.get("values"), table)

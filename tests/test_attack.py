@@ -232,13 +232,14 @@ def test_a_share_of_the_attack_fails_nowhere():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("mutation", "scale"),  # of the smallest share that finds it; drop-lock takes half a minute at 0.3
+    ("mutation", "scale"),  # of the smallest share that finds it
     [
         ("skip-digest", 0.1),
         ("skip-parts", 0.02),
         ("skip-chain", 0.1),
         ("drop-fsync", 0.02),
         ("drop-rename", 0.05),
+        ("drop-lock", 0.02),
         ("follow-links", 0.02),
         ("unbounded", 0.02),
     ],

@@ -67,7 +67,7 @@ def _findings(path: Path) -> list[Finding]:
     if not (path / "config.toml").exists() and (path / "skill.npz").exists():
         return check_skill(path)
     try:
-        run = open_run(path)
+        run = open_run(path, altered=True)
     except InputError as error:
         if not (path / "config.toml").exists():
             raise

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from folders import crashes, damages, finish, full_disks, links, small
 from inputs import archives, settings, trees
-from kills import commands, kills, races
+from kills import commands, kills, races, read_only
 from runner import Case, Tally, try_all
 
 from coevo import chain as digests
@@ -142,9 +142,10 @@ def _cases(chosen: tuple[str, ...], scale: float, rng: random.Random, work: Path
         made.append(full_disks(scale, whole, folder("disks")))
     all_of = commands(work, whole) if {"kills", "races"} & set(chosen) else []
     if "kills" in chosen:
-        made.append(kills(int(500 * scale) or 4, rng, all_of, folder("kills")))
+        made.append(kills(int(600 * scale) or 4, rng, all_of, folder("kills")))
+        made.append(read_only(int(60 * scale) or 1, rng, all_of, folder("read-only")))
     if "races" in chosen:
-        made.append(races(int(60 * scale) or 4, rng, all_of, folder("races")))
+        made.append(races(int(80 * scale) or 2, rng, all_of, folder("races")))
     return chain(*made)
 
 

@@ -19,7 +19,7 @@ from coevo.console import put_off_interrupt
 from coevo.errors import InputError
 from coevo.files import make_folder, write_whole
 from coevo.folder import held
-from coevo.skill import Skill, load_skill, read_card
+from coevo.skill import Skill, card_digest, load_skill, read_card
 
 __all__ = [
     "CARD_GAMES",
@@ -106,8 +106,9 @@ def write_learned(folder: Path, learning: Learning, skill: Skill, card: dict[str
 
 
 def card_bytes(card: dict[str, Any]) -> bytes:
-    """Return the file that holds a card."""
-    return msgspec.json.format(msgspec.json.encode(card), indent=2) + b"\n"
+    """Return the file that holds a card, with its digest."""
+    told = msgspec.json.decode(msgspec.json.encode(card))
+    return msgspec.json.format(msgspec.json.encode({**told, "sha256": card_digest(told)}), indent=2) + b"\n"
 
 
 def card_of(folder: Path, recipe: Recipe) -> dict[str, Any] | None:

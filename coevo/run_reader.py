@@ -19,7 +19,7 @@ from coevo.folder import Folder, read_table
 from coevo.game import Game, make_game
 from coevo.levels import LevelRecord, level_settings
 from coevo.plugins import search_folders
-from coevo.records import Checkpoint, GenerationRecord, columns, read_checkpoint, read_record
+from coevo.records import Checkpoint, GenerationRecord, columns, lacking_column, read_checkpoint, read_record
 from coevo.tree import Tree, from_codes
 
 if TYPE_CHECKING:
@@ -251,7 +251,11 @@ class RunReader(Folder):
             last = self.finished - 1
             have = f"0 to {last}" if last >= 0 else "none yet"
             raise InputError(f"{self.path} has no generation {generation}; finished generations: {have}")
-        return read_table(path, self.part_digest(generation), AGAIN)
+        table = read_table(path, self.part_digest(generation), AGAIN)
+        lacking = lacking_column(table)
+        if lacking:
+            raise InputError(f"{path} is damaged: its column {lacking!r} is lost or holds something else; {AGAIN}")
+        return table
 
     def record(self, generation: int, robot: str) -> pd.DataFrame:
         """Return the individuals of one role in one generation, best first (by fitness, depth, index)."""
@@ -345,5 +349,8 @@ class RunReader(Folder):
         part, found = self._part(generation), []
         for role, robot in self.evolving.items():
             rows, terminals = part[part["robot"] == robot], self.game.function_set(role).terminals
-            found.append(read_record(role, robot, rows, self.game.counts, terminals))
+            try:
+                found.append(read_record(role, robot, rows, self.game.counts, terminals))
+            except (LookupError, TypeError, ValueError) as error:
+                raise InputError(f"{self._part_path(generation)} is damaged ({error}); {AGAIN}") from None
         return found

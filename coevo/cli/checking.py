@@ -33,6 +33,7 @@ def check(*, folders: tuple[Path, ...], as_json: bool, quiet: bool) -> None:
     del quiet
     runs = list(_runs(folders))
     findings = [(path, finding) for path in runs for finding in _findings(path)]
+    findings += [(path, finding) for path in folders if path not in runs for finding in _of_study(path)]
     wrong = [(path, finding) for path, finding in findings if finding.state == "damaged"]
     lacking = [(path, finding) for path, finding in findings if finding.state == "missing"]
     data = {
@@ -58,6 +59,12 @@ def _runs(folders: tuple[Path, ...]) -> Iterator[Path]:
             yield folder
         else:
             yield from inner
+
+
+def _of_study(path: Path) -> list[Finding]:
+    from coevo.study.folder import STUDY, check_study
+
+    return check_study(path) if (path / STUDY).exists() else []
 
 
 def _findings(path: Path) -> list[Finding]:

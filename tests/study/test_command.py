@@ -11,7 +11,8 @@ import pytest
 from coevo.chain import Chain
 from coevo.cli import studying
 from coevo.recipes import recipe_path
-from coevo.run import open_run, rows_digest
+from coevo.run import open_run
+from coevo.run_reader import rows_digest
 from coevo.study import cluster, evolving
 from coevo.study.plan import read_plan
 

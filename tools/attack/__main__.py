@@ -17,10 +17,13 @@ from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
 
-from folders import crashes, damages, finish, full_disks, links, small
+from damage import damages
+from folders import crashes, finish, full_disks, links, small
 from inputs import archives, settings, trees
 from kills import commands, kills, races, read_only
+from reading import readings
 from runner import Case, Tally, try_all
+from structured import structured
 
 from coevo import chain as digests
 from coevo import files, soundness
@@ -29,7 +32,7 @@ from coevo.game import prepare
 from coevo.run import create_run
 from coevo.run_reader import RunReader
 
-FAMILIES = ("inputs", "damage", "links", "crashes", "kills", "races")
+FAMILIES = ("inputs", "structured", "damage", "reading", "links", "crashes", "kills", "races")
 
 
 def _skip_digest() -> None:
@@ -133,8 +136,12 @@ def _cases(chosen: tuple[str, ...], scale: float, rng: random.Random, work: Path
         made.append(settings(int(14_000 * scale), rng, folder("recipes")))
         made.append(trees(int(2_000 * scale) or 20, rng))
         made.append(archives(int(3_000 * scale) or 20, rng, folder("archives")))
+    if "structured" in chosen:
+        made.append(structured(int(6_000 * scale), rng, whole, folder("structured")))
     if "damage" in chosen:
         made.append(damages(int(1_500 * scale) or 20, rng, runs, whole, folder("damages")))
+    if "reading" in chosen:
+        made.append(readings(int(1_200 * scale) or 20, rng, whole, folder("readings")))
     if "links" in chosen:
         made.append(links(runs, folder("links")))
     if "crashes" in chosen:
@@ -184,7 +191,9 @@ def main() -> None:
         prepare(small(), lambda text: print(text, file=sys.stderr))
         cases = _cases(chosen, given.scale, random.Random(given.seed), Path(work))
         tallies = try_all(cases, jobs=given.jobs, batch=8, tell=lambda text: print(text, file=sys.stderr, flush=True))
-    sys.exit(0 if _report(tallies, time.monotonic() - began) else 1)
+    sound = _report(tallies, time.monotonic() - began)
+    sys.stdout.flush()
+    os._exit(0 if sound else 1)  # what is left of pymunk would be taken apart after its library
 
 
 if __name__ == "__main__":

@@ -138,8 +138,8 @@ class Checkpoint:
 
 def _check_population(sizes: NDArray[Any], codes: NDArray[Any], operator: NDArray[Any], parents: NDArray[Any]) -> None:
     """Refuse arrays that are not of one population: what takes them does not look at their shapes."""
-    kinds = [(array.dtype, array.ndim) for array in (sizes, codes, operator, parents)]
-    if kinds != [(np.int64, 1), (np.uint8, 1), (np.uint8, 1), (np.int32, 2)]:
+    kinds = [f"{array.dtype} {array.ndim}" for array in (sizes, codes, operator, parents)]
+    if kinds != ["int64 1", "uint8 1", "uint8 1", "int32 2"]:
         raise ValueError("its arrays are of other kinds")
     if len(sizes) != len(operator) or parents.shape != (len(sizes), 2) or np.any(operator >= len(OPERATORS)):
         raise ValueError("its arrays are not of one population")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -128,6 +129,22 @@ def test_damage_is_told_and_not_hidden_by_going_on(what, coevo, copied_run, go_o
     with pytest.raises(InputError):
         go_on(open_run(copied_run))
     assert {path: path.read_bytes() for path in copied_run.rglob("*") if path.is_file()} == before
+
+
+def test_who_goes_on_elsewhere_is_told_what_differs(coevo, copied_run):
+    assert "Beware" not in coevo("resume", copied_run, "--unseen", "0").err
+    path, chain = copied_run / "environment.json", Chain.read((copied_run / "digests.txt").read_text())
+    about = json.loads(path.read_text())
+    about["versions"]["numpy"], about["processor"] = "0.1", "abacus"
+    path.write_text(json.dumps(about))
+    whole = Chain().extended({**chain.digests, path.name: sha256(path.read_bytes())})  # as if begun there
+    (copied_run / "digests.txt").write_text(whole.text())
+    (copied_run / "checkpoint.npz").unlink()
+    said = coevo("resume", copied_run, "--unseen", "0")
+    assert said.code == 0
+    assert "Beware: this run was begun under other conditions" in said.err
+    assert "processor abacus there" in said.err
+    assert f"numpy 0.1 there, {np.__version__} here" in said.err
 
 
 def test_tables_that_are_lost_are_made_anew(copied_run, small_run, results_of):

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from coevo.errors import InputError
+from coevo.soundness import require_tables_of_learning
 from coevo.study.folder import finished_runs
 
 __all__ = ["CARD", "WHILE", "Arms", "Rewarded", "common", "read_arms"]
@@ -80,6 +81,7 @@ def read_arms(folder: Path) -> Arms:
     arms: Arms = {}
     for path, row in finished_runs(folder):
         arm = row.get("arm", row["recipe"])
+        require_tables_of_learning(path)
         try:
             blocks = pd.read_csv(path / "frequencies.csv")
         except FileNotFoundError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -84,15 +85,22 @@ def go_on(learning: Learning, checkpoint: Path, report: Callable[[float], None])
         learning.save(checkpoint)  # what follows takes a while, and what is learned is not to be lost by it
 
 
-def write_learned(folder: Path, learning: Learning, skill: Skill, card: dict[str, Any], recipe: Recipe | None) -> None:
+def write_learned(
+    folder: Path, learning: Learning, skill: Skill, card: dict[str, Any], recipe: Recipe | None
+) -> dict[str, Any]:
     """Write a skill with its card, what its learning tells besides, and its recipe; remove the checkpoint.
 
     Args:
         folder: of the skill.
         learning, skill, card: that was learned.
         recipe: None to leave that as it is.
+
+    Returns:
+        The card, with digests of what the learning tells besides.
     """
     files = learning.files()
+    if files:
+        card = {**card, "files": {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}}
     with writing(folder):
         for name in (*TABLES, FREQUENCIES):
             (folder / name).unlink(missing_ok=True)
@@ -103,6 +111,7 @@ def write_learned(folder: Path, learning: Learning, skill: Skill, card: dict[str
         skill.save(folder / SKILL)
         write_whole(folder / "card.json", card_bytes(card))
         (folder / CHECKPOINT).unlink(missing_ok=True)
+    return card
 
 
 def card_bytes(card: dict[str, Any]) -> bytes:

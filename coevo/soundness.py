@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +15,15 @@ from coevo.run import Run
 from coevo.run_reader import AGAIN, CHAMPIONS, DIGESTS, OLDER, part_name, rows_digest, why_unsound
 from coevo.skill import load_skill, read_card
 
-__all__ = ["Finding", "check_run", "check_skill", "differences", "require_sound", "restore"]
+__all__ = [
+    "Finding",
+    "check_run",
+    "check_skill",
+    "differences",
+    "require_sound",
+    "require_tables_of_learning",
+    "restore",
+]
 
 
 class Finding(NamedTuple):
@@ -204,4 +212,22 @@ def check_skill(folder: Path) -> list[Finding]:
         return [*found, Finding("card.json", "missing")]
     if card.get("digest") != skill.digest:
         return [*found, Finding("card.json", "damaged", f"{folder / 'card.json'} is the card of another skill")]
-    return [*found, Finding("card.json", "sound")]
+    return [*found, Finding("card.json", "sound"), *_of_tables_of_learning(folder, card)]
+
+
+def _of_tables_of_learning(folder: Path, card: Mapping[str, Any]) -> Iterator[Finding]:
+    remedy = "learn the skill again with 'coevo learn'"
+    for name, digest in dict(card.get("files", {})).items():
+        why = why_unsound(folder, name, digest, remedy) if Path(name).name == name else "it is no name of a file"
+        yield Finding(name, "damaged" if why else "sound", why)
+
+
+def require_tables_of_learning(folder: Path) -> None:
+    """Refuse the folder of a learned skill whose tables are not those that its card tells of, if it has a card.
+
+    Raises:
+        InputError: says what, and what to do.
+    """
+    for finding in _of_tables_of_learning(folder, read_card(folder / "skill.npz")):
+        if finding.state == "damaged":
+            raise InputError(finding.why)

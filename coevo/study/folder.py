@@ -86,7 +86,7 @@ def finished_runs(path: Path) -> list[tuple[Path, dict[str, str]]]:
 
 
 def _table_rows(path: Path) -> list[dict[str, str]]:
-    """Return the rows of a study's table, each compared with what its run says that it came to.
+    """Return the rows of a study's table, each compared with what its run says that it came to, if it does.
 
     Raises:
         OSError: it cannot be read.
@@ -102,7 +102,7 @@ def _table_rows(path: Path) -> list[dict[str, str]]:
         if name is None or seed is None or Path(name).name != name or not name.endswith(f"seed{seed}"):
             raise ValueError(f"its row {number + 1} names no run")
         try:
-            _, told = _read_row(path / name / ROW)
+            _, told = _read_row(path / name / ROW) if (path / name / ROW).exists() else ([], {})
         except (OSError, ValueError, TypeError, LookupError):
             raise ValueError(f"{Path(name) / ROW} does not tell what the run came to") from None
         if None in row or any(row.get(column) != str(cell) for column, cell in told.items()):

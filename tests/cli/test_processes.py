@@ -186,18 +186,17 @@ def test_ctrl_c_while_importing_is_told_without_a_traceback(module):
         check=False,
         env={**os.environ, "PRESSED_AT": module},
     )
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "coevo: stopped\n")
+    assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "", "coevo: stopped")
 
 
-@pytest.mark.parametrize("encoding", ["latin-1", "ascii"])
-def test_a_terminal_that_lacks_letters_shows_their_numbers(encoding, tmp_path):
+def test_a_terminal_that_lacks_letters_shows_their_numbers(tmp_path):
     done = subprocess.run(  # noqa: S603 - our own
         [sys.executable, "-c", PROGRAM, "evolve", str(tmp_path / "\N{SNOWMAN}.toml")],
         capture_output=True,
         check=False,
-        env={**os.environ, "PYTHONIOENCODING": encoding},
+        env={**os.environ, "PYTHONIOENCODING": "latin-1"},
     )
-    said = done.stderr.decode(encoding)
+    said = done.stderr.decode("latin-1")
     assert (done.returncode, done.stdout) == (2, b"")
     assert "\\u2603.toml" in said
     assert "Traceback" not in said

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -12,13 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from behaviors.learned import card_bytes
 from coevo.chain import Chain, sha256
 from coevo.errors import InputError
 from coevo.files import begin_file, lock, make_folder, read_arrays, read_text, read_whole, write_whole
 from coevo.kept import with_kept_skills
 from coevo.run import create_run, open_run
-from coevo.skill import load_skill, skill_path
-from coevo.soundness import check_run, require_sound, restore
+from coevo.skill import load_skill, read_card, skill_path
+from coevo.soundness import check_run, require_sound, require_tables_of_learning, restore
 from coevo.tree import parse, simplify
 
 ROOT = Path(__file__).parents[1]
@@ -129,6 +131,45 @@ def test_damage_is_told_and_not_hidden_by_going_on(what, coevo, copied_run, go_o
     with pytest.raises(InputError):
         go_on(open_run(copied_run))
     assert {path: path.read_bytes() for path in copied_run.rglob("*") if path.is_file()} == before
+
+
+def test_what_was_altered_is_refused_by_who_reads_it(coevo, copied_run, tmp_path):
+    """Each file by a command that shows what is in it, while commands that do not need it go on."""
+    whole = {path: path.read_bytes() for path in copied_run.rglob("*") if path.is_file()}
+    page = tmp_path / "report.html"
+    for name, old, new, arguments in (
+        ("config.toml", b"tournament = 2", b"tournament = 3", ["inspect", copied_run]),
+        ("generations.csv", b"2,r0,", b"2,r0,9", ["settlements", copied_run, "--games", "2", "--json"]),
+        ("environment.json", b"numpy", b"numpi", ["report", copied_run, "--out", page]),
+        ("individuals.parquet/part-00001.parquet", b"PAR1", b"PAR2", ["curves", copied_run, "--json"]),
+        ("skills/shoot/skill.npz", b"PK", b"KP", ["play", copied_run, "--games", "1"]),
+    ):
+        change(copied_run / name, old, new)
+        said = coevo(*arguments)
+        assert (said.code, said.out) == (2, ""), name
+        assert str(copied_run / name) in said.err
+        (copied_run / name).write_bytes(whole[copied_run / name])
+    change(copied_run / "measures.csv", b"r0", b"r9")
+    assert coevo("curves", copied_run, "--json").code == 0
+    assert not page.exists()
+
+
+def test_a_card_that_was_altered_is_told(coevo, tmp_path):
+    shutil.copy(skill_path("search"), tmp_path / "skill.npz")
+    (tmp_path / "levels.csv").write_text("trial,event\n")
+    card = {**read_card("search"), "files": {"levels.csv": sha256(b"trial,event\n")}}
+    path = tmp_path / "card.json"
+    path.write_bytes(card_bytes(card))
+    assert read_card(tmp_path / "skill.npz") == card
+    assert coevo("check", tmp_path).code == 0
+    change(path, b'"success_rate": 0.9', b'"success_rate": 0.8')
+    said = coevo("check", tmp_path)
+    assert (said.code, f"{path} is damaged: it does not match its digest" in said.out) == (1, True)
+    path.write_bytes(card_bytes(card))
+    change(tmp_path / "levels.csv", b"event", b"evend")
+    with pytest.raises(InputError, match=r"levels\.csv is damaged or was changed"):
+        require_tables_of_learning(tmp_path)
+    assert coevo("check", tmp_path).code == 1
 
 
 def test_who_goes_on_elsewhere_is_told_what_differs(coevo, copied_run):

@@ -53,6 +53,16 @@ def test_a_row_says_what_coevo_evolve_says_of_that_run(done, coevo, tmp_path, re
             assert row[f"team{team}_use_{skill}"] == pytest.approx(sum(use) / len(use))
 
 
+def test_a_table_that_was_altered_is_told_by_a_check_and_made_anew(done, coevo, study_file):
+    assert coevo("check", done).code == 0
+    table, whole = done / "table.csv", (done / "table.csv").read_bytes()
+    table.write_bytes(whole.replace(b"0.", b"1.", 1))
+    said = coevo("check", done)
+    assert (said.code, f"damaged  {table}" in said.out) == (1, True)
+    assert coevo("study", study_file(), "--out", done).code == 0
+    assert table.read_bytes() == whole
+
+
 def forge(run):
     """Put the digests of altered rows into the chain, as nobody does by accident."""
     lines, chain = (run / "generations.csv").read_text().splitlines()[1:], Chain.read((run / "digests.txt").read_text())

@@ -166,13 +166,14 @@ class RunReader(Folder):
         """Refuse files that were altered since the run was begun; of an older run that is not known.
 
         Args:
-            names: of files; none for the settings and code of one's own, which decide what everything else means.
+            names: of files; none for those that decide what everything else means, and is called: settings, code of
+                one's own, and cards of skills. Skills themselves are compared when they are loaded.
 
         Raises:
             InputError: one was altered or is lost.
         """
         digests = (self.chain or Chain()).digests
-        for name in names or [one for one in digests if one == "config.toml" or one.endswith(".py")]:
+        for name in names or [one for one in digests if one.endswith(("config.toml", ".py", "/card.json"))]:
             why = why_unsound(self.path, name, digests[name]) if name in digests else ""
             if why:
                 raise InputError(why)

@@ -143,6 +143,7 @@ def test_what_was_altered_is_refused_by_who_reads_it(coevo, copied_run, tmp_path
         ("environment.json", b"numpy", b"numpi", ["report", copied_run, "--out", page]),
         ("individuals.parquet/part-00001.parquet", b"PAR1", b"PAR2", ["curves", copied_run, "--json"]),
         ("skills/shoot/skill.npz", b"PK", b"KP", ["play", copied_run, "--games", "1"]),
+        ("skills/shoot/card.json", b"drives", b"driven", ["inspect", copied_run]),
     ):
         change(copied_run / name, old, new)
         said = coevo(*arguments)
@@ -284,6 +285,14 @@ def attack(*arguments):
 
 def test_a_share_of_the_attack_fails_nowhere():
     done = attack("--scale", "0.02", "--only", "inputs", "--only", "damage", "--only", "crashes")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert " 0 failed" in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("family", "scale"), [("structured", 0.02), ("reading", 0.01), ("kills", 0.02)])
+def test_what_takes_longer_to_attack_fails_nowhere_either(family, scale):
+    done = attack("--scale", str(scale), "--only", family)
     assert done.returncode == 0, done.stdout + done.stderr
     assert " 0 failed" in done.stdout
 

@@ -299,19 +299,19 @@ def test_what_takes_longer_to_attack_fails_nowhere_either(family, scale):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("mutation", "scale"),  # of the smallest share that finds it
+    ("mutation", "scale", "files"),  # a share that is sure to find it
     [
-        ("skip-digest", 0.1),
-        ("skip-parts", 0.02),
-        ("skip-chain", 0.1),
-        ("drop-fsync", 0.02),
-        ("drop-rename", 0.05),
-        ("drop-lock", 0.02),
-        ("follow-links", 0.02),
-        ("unbounded", 0.02),
+        ("skip-digest", 0.02, "*.csv"),
+        ("skip-parts", 0.02, "*"),
+        ("skip-chain", 0.02, "digests.txt"),
+        ("drop-fsync", 0.02, "*"),
+        ("drop-rename", 0.05, "*"),
+        ("drop-lock", 0.02, "*"),
+        ("follow-links", 0.02, "*"),
+        ("unbounded", 0.02, "*"),
     ],
 )
-def test_the_attack_fails_where_a_part_of_the_code_is_taken_away(mutation, scale):
-    done = attack("--scale", str(scale), "--mutation", mutation)
+def test_the_attack_fails_where_a_part_of_the_code_is_taken_away(mutation, scale, files):
+    done = attack("--scale", str(scale), "--mutation", mutation, "--files", files)
     assert done.returncode == 1, done.stdout + done.stderr
     assert " 0 failed" not in done.stdout.splitlines()[-1]

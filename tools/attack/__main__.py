@@ -117,8 +117,8 @@ MUTATIONS: dict[str, tuple[Callable[[], None], tuple[str, ...]]] = {
 }
 
 
-def _cases(chosen: tuple[str, ...], scale: float, rng: random.Random, work: Path) -> Iterator[Case]:
-    """Yield all cases of the chosen families."""
+def _cases(chosen: tuple[str, ...], scale: float, names: str, rng: random.Random, work: Path) -> Iterator[Case]:
+    """Yield all cases of the chosen families; damage of files with such names only."""
 
     def folder(name: str) -> Path:
         (work / name).mkdir()
@@ -139,7 +139,7 @@ def _cases(chosen: tuple[str, ...], scale: float, rng: random.Random, work: Path
     if "structured" in chosen:
         made.append(structured(int(6_000 * scale), rng, whole, folder("structured")))
     if "damage" in chosen:
-        made.append(damages(int(1_500 * scale) or 20, rng, runs, whole, folder("damages")))
+        made.append(damages(int(1_500 * scale) or 20, rng, runs, whole, folder("damages"), names))
     if "reading" in chosen:
         made.append(readings(int(1_200 * scale) or 20, rng, whole, folder("readings")))
     if "links" in chosen:
@@ -179,6 +179,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), help="how many cases at a time")
     parser.add_argument("--only", action="append", choices=FAMILIES, help="one family; may be repeated")
+    parser.add_argument("--files", default="*", help="which files of runs are damaged, such as 'digests.txt'")
     parser.add_argument("--mutation", choices=MUTATIONS, help="take a part of the code away first: it must fail")
     given = parser.parse_args()
     chosen = tuple(given.only or FAMILIES)
@@ -189,7 +190,7 @@ def main() -> None:
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="coevo-attack-") as work:
         prepare(small(), lambda text: print(text, file=sys.stderr))
-        cases = _cases(chosen, given.scale, random.Random(given.seed), Path(work))
+        cases = _cases(chosen, given.scale, given.files, random.Random(given.seed), Path(work))
         tallies = try_all(cases, jobs=given.jobs, batch=8, tell=lambda text: print(text, file=sys.stderr, flush=True))
     sound = _report(tallies, time.monotonic() - began)
     sys.stdout.flush()

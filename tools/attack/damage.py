@@ -9,6 +9,7 @@ import shutil
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from fnmatch import fnmatch
 from pathlib import Path
 
 from folders import SLOW, ended, finish, results_of
@@ -21,18 +22,21 @@ from coevo.soundness import check_run
 
 __all__ = ["damages", "every", "spoil"]
 
-WAYS = ("flip", "cut", "empty", "longer", "lost", "foreign", "fifo", "link", "rewritten", "swapped")
+WAYS = ("flip", "cut", "empty", "longer", "lost", "foreign", "fifo", "link", "rewritten", "swapped", "lines")
 
 
-def damages(count: int, rng: random.Random, runs: Mapping[str, Path], whole: Path, folder: Path) -> Iterator[Case]:
+def damages(
+    count: int, rng: random.Random, runs: Mapping[str, Path], whole: Path, folder: Path, names: str = "*"
+) -> Iterator[Case]:
     """Yield damage of each file of each kind of run: going on refuses it, or comes to the same bytes.
 
     Args:
         runs: finished, and stopped half way, by name.
         whole: the finished one.
         folder: for copies.
+        names: of the files to damage, as a pattern.
     """
-    for kind, name, way, seed in every(count, rng, runs):
+    for kind, name, way, seed in every(count, rng, runs, names):
         yield Case(
             f"damage ({kind})",
             f"{name}, {way}, seed {seed}",
@@ -66,12 +70,15 @@ def _damage(source: Path, name: str, way: str, rng: random.Random, whole: Path, 
         shutil.rmtree(copy)
 
 
-def every(count: int, rng: random.Random, folders: Mapping[str, Path]) -> Iterator[tuple[str, str, str, int]]:
+def every(
+    count: int, rng: random.Random, folders: Mapping[str, Path], names: str = "*"
+) -> Iterator[tuple[str, str, str, int]]:
     """Yield kind of folder, name of a file in it, way to damage it and a seed: all of them in turn, in random order."""
     all_of = [
         (kind, name, way)
         for kind, path in folders.items()
         for name in sorted(str(one.relative_to(path)) for one in path.rglob("*") if one.is_file())
+        if fnmatch(name, names)
         for way in WAYS
     ]
     rng.shuffle(all_of)
@@ -87,12 +94,15 @@ def spoil(copy: Path, name: str, way: str, rng: random.Random) -> bool:
         case "flip":
             at = rng.randrange(len(data)) if data else 0
             path.write_bytes(data[:at] + bytes([data[at] ^ (1 << rng.randrange(8))]) + data[at + 1 :] if data else b"x")
-        case "cut":
-            path.write_bytes(data[: rng.randrange(len(data))] if data else b"x")
-        case "empty":
-            path.write_bytes(b"")
+        case "cut" | "empty":
+            path.write_bytes(data[: rng.randrange(len(data)) if way == "cut" and data else 0])
         case "longer":
             path.write_bytes(data + rng.choice((b"\0", b"\n", rng.randbytes(100), data)))
+        case "lines":
+            lines = data.split(b"\n")
+            at = rng.randrange(len(lines))
+            lines[at : at + 2] = rng.choice((lines[at + 1 : at + 2], lines[at : at + 2][::-1]))  # lost, or exchanged
+            path.write_bytes(b"\n".join(lines))
         case "lost":
             path.unlink()
         case "foreign":

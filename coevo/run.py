@@ -175,7 +175,8 @@ def open_run(path: str | Path, *, altered: bool = False) -> Run:
 
     Args:
         path: of the folder.
-        altered: whether to open one, too, whose settings or code are not those that it was begun with.
+        altered: whether to open one, too, whose settings or code are not those that it was begun with, or that lacks a
+            generation.
 
     Raises:
         InputError: there is no run, or its config.toml is wrong or was altered.
@@ -202,4 +203,5 @@ def open_run(path: str | Path, *, altered: bool = False) -> Run:
     run = Run(path, check_experiment(read_toml(path / "config.toml"), str(path / "config.toml")))
     if not altered:
         run.require_as_begun()
+        run.require_no_gap()
     return run

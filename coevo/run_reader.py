@@ -178,6 +178,17 @@ class RunReader(Folder):
             if why:
                 raise InputError(why)
 
+    def require_no_gap(self) -> None:
+        """Refuse a run that lost a generation before its last one: it would be read as if it had ended there.
+
+        Raises:
+            InputError: says which is lost.
+        """
+        finished = self.finished
+        known = sum(name.startswith("individuals.parquet/") for name in (self.chain or Chain()).digests)
+        if any(self._part_path(number).exists() for number in range(finished + 1, known)):
+            raise InputError(f"{self._part_path(finished)} is lost; {AGAIN}, or put it back")
+
     @cached_property
     def game(self) -> Game:
         """The game that is played; one of one's own is imported when this is first asked for."""

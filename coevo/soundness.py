@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -209,7 +210,9 @@ def check_skill(folder: Path) -> list[Finding]:
         return [Finding("skill.npz", "damaged", str(error))]
     found = [Finding("skill.npz", "sound")]
     if not card:
-        return [*found, Finding("card.json", "missing")]
+        there = os.path.lexists(folder / "card.json")
+        why = f"{folder / 'card.json'} cannot be read, or is no card; learn the skill again with 'coevo learn'"
+        return [*found, Finding("card.json", "damaged", why) if there else Finding("card.json", "missing")]
     if card.get("digest") != skill.digest:
         return [*found, Finding("card.json", "damaged", f"{folder / 'card.json'} is the card of another skill")]
     return [*found, Finding("card.json", "sound"), *_of_tables_of_learning(folder, card)]

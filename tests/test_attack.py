@@ -150,6 +150,11 @@ def test_what_was_altered_is_refused_by_who_reads_it(coevo, copied_run, tmp_path
         assert (said.code, said.out) == (2, ""), name
         assert str(copied_run / name) in said.err
         (copied_run / name).write_bytes(whole[copied_run / name])
+    part = copied_run / "individuals.parquet" / "part-00001.parquet"
+    part.unlink()  # not read as a run of one generation
+    said = coevo("curves", copied_run, "--json")
+    assert (said.code, f"{part} is lost" in said.err) == (2, True)
+    part.write_bytes(whole[part])
     change(copied_run / "measures.csv", b"r0", b"r9")
     assert coevo("curves", copied_run, "--json").code == 0
     assert not page.exists()

@@ -21,6 +21,7 @@ from behaviors.learning import Learning
 from behaviors.recipe import read_recipe
 from coevo.cli.commands import cli
 from coevo.errors import InputError
+from coevo.skill import load_skill, read_card
 from coevo.study import cores
 from coevo.study.folder import finished_runs
 from coevo.study.task import do
@@ -87,7 +88,7 @@ def _page(*arguments: str) -> Callable[[Path], object]:
 
 def _learned(path: Path) -> object:
     command(*_LEARN, "--resume", "--out", path)
-    return [(path / name).read_bytes() for name in ("skill.npz", "card.json")]  # the recipe is there to be edited
+    return load_skill(path / "skill.npz").digest, read_card(path / "skill.npz")  # the recipe is there to be edited
 
 
 def _study(source: Path) -> Callable[[Path], object]:
@@ -107,6 +108,13 @@ def _checked(reads: Callable[[Path], object]) -> Callable[[Path], object]:
         return reads(path)
 
     return tell
+
+
+def _carded(path: Path) -> object:
+    card = read_card(path / "skill.npz")
+    if not card:
+        raise InputError("there is no card, which a check tells of as missing")
+    return card
 
 
 def _rows(path: Path) -> object:
@@ -133,7 +141,7 @@ def _of_skills(folder: Path) -> Iterator[_Read]:
     yield _Read("skills evaluate", skill, _telling("skills", "evaluate", file, "--games", "20", "--json"))
     yield _Read("skills watch", skill, _page("skills", "watch", file, "--games", "1"))
     yield _Read("learn --resume, finished", skill, _learned)
-    yield _Read("a skill that is checked", skill, _checked(lambda path: (path / "card.json").read_bytes()))
+    yield _Read("a skill that is checked", skill, _checked(_carded))
     recipe = read_recipe("search")
     learning = Learning(recipe, seed=recipe.seed, trials=1000)
     learning.advance()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -179,14 +180,18 @@ class RunReader(Folder):
                 raise InputError(why)
 
     def require_no_gap(self) -> None:
-        """Refuse a run that lost a generation before its last one: it would be read as if it had ended there.
+        """Refuse a run that lost a generation: it would be read as if it had ended before.
 
         Raises:
             InputError: says which is lost.
         """
         finished = self.finished
         known = sum(name.startswith("individuals.parquet/") for name in (self.chain or Chain()).digests)
-        if any(self._part_path(number).exists() for number in range(finished + 1, known)):
+        reached = 0
+        if finished < known:  # one of which a kill has left the digest only, or one that is lost
+            with suppress(OSError, LookupError, TypeError, ValueError, DamagedFileError):
+                reached = int(read_arrays(self.path / "checkpoint.npz")["generation"][0])
+        if finished < reached or any(self._part_path(number).exists() for number in range(finished + 1, known)):
             raise InputError(f"{self._part_path(finished)} is lost; {AGAIN}, or put it back")
 
     @cached_property

@@ -14,6 +14,7 @@ import pandas as pd
 
 from coevo.config import read_toml
 from coevo.errors import InputError
+from coevo.soundness import require_tables_of_learning
 from coevo.study.folder import finished_runs
 
 __all__ = ["Arms", "Learned", "Stay", "read_arms"]
@@ -159,6 +160,7 @@ def read_arms(folder: Path) -> Arms:
 
 
 def _read_run(path: Path, arm: str, row: Mapping[str, str]) -> Learned:
+    require_tables_of_learning(path)
     recipe = read_toml(path / "recipe.toml")
     if "curriculum" not in recipe:
         raise InputError(f"{path} was not learned from easy to hard: its recipe has no [curriculum]")

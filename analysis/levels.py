@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -9,6 +10,8 @@ import pandas as pd
 from analysis.charts import altair
 from coevo.complexity import values_at
 from coevo.errors import InputError
+from coevo.files import read_whole
+from coevo.levels import level_lines
 from coevo.run import Run
 
 if TYPE_CHECKING:
@@ -25,7 +28,12 @@ def level_table(run: Run) -> pd.DataFrame:
     """
     path = run.path / "levels.csv"
     try:
-        table = pd.read_csv(path)
+        data = read_whole(path)
+        wanted = level_lines(run.config, run.game, run.level_records(run.finished))
+        if data.decode().splitlines()[: len(wanted)] != wanted:
+            remedy = f"delete it; 'coevo resume {run.path}' makes it anew"
+            raise InputError(f"{path} is damaged: its rows are not those that were written; {remedy}")
+        table = pd.read_csv(io.BytesIO(data))
     except (ValueError, OSError) as error:
         raise InputError(f"cannot read {path}: {error}") from None
     return table[table["event"] != "end"]

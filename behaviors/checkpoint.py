@@ -19,10 +19,10 @@ from coevo.compiled import cache_folder
 from coevo.errors import InputError
 from coevo.files import DamagedFileError, digest_of, pack_arrays, parse_json, read_arrays, write_whole
 
-__all__ = ["parts_of", "read_checkpoint", "trials_done", "with_prefix", "write_checkpoint"]
+__all__ = ["REMEDY", "parts_of", "read_checkpoint", "trials_done", "with_prefix", "write_checkpoint"]
 
 _FORMAT = 2
-_REMEDY = "begin anew with --restart, which throws it away"
+REMEDY = "begin anew with --restart, which throws it away"
 
 
 def write_checkpoint(
@@ -50,7 +50,7 @@ def write_checkpoint(
 
 
 def read_checkpoint(
-    path: Path, learning: Mapping[str, Any], *, remedy: str = _REMEDY
+    path: Path, learning: Mapping[str, Any], *, remedy: str = REMEDY
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return header and arrays of where this very learning stands.
 
@@ -95,7 +95,7 @@ def parts_of(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArr
     return {name.removeprefix(start): array for name, array in arrays.items() if name.startswith(start)}
 
 
-def _read(path: Path, remedy: str = _REMEDY) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def _read(path: Path, remedy: str = REMEDY) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     try:
         arrays = read_arrays(path)
     except OSError as error:

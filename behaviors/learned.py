@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,7 +20,7 @@ from coevo.console import put_off_interrupt
 from coevo.errors import InputError
 from coevo.files import make_folder, write_whole
 from coevo.folder import held
-from coevo.skill import Skill, load_skill, read_card
+from coevo.skill import Skill, card_digest, load_skill, read_card
 
 __all__ = [
     "CARD_GAMES",
@@ -101,15 +102,22 @@ def go_on(learning: UnderWay[_Block_co], checkpoint: Path, report: Callable[[_Bl
         learning.save(checkpoint)  # what follows takes a while, and what is learned is not to be lost by it
 
 
-def write_learned(folder: Path, learning: Learning, skill: Skill, card: dict[str, Any], recipe: Recipe | None) -> None:
+def write_learned(
+    folder: Path, learning: Learning, skill: Skill, card: dict[str, Any], recipe: Recipe | None
+) -> dict[str, Any]:
     """Write a skill with its card, what its learning tells besides, and its recipe; remove the checkpoint.
 
     Args:
         folder: of the skill.
         learning, skill, card: that was learned.
         recipe: None to leave that as it is.
+
+    Returns:
+        The card, with digests of what the learning tells besides.
     """
     files = learning.files()
+    if files:
+        card = {**card, "files": {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}}
     with writing(folder):
         for name in (*TABLES, FREQUENCIES):
             (folder / name).unlink(missing_ok=True)
@@ -120,11 +128,13 @@ def write_learned(folder: Path, learning: Learning, skill: Skill, card: dict[str
         skill.save(folder / SKILL)
         write_whole(folder / "card.json", card_bytes(card))
         (folder / CHECKPOINT).unlink(missing_ok=True)
+    return card
 
 
 def card_bytes(card: dict[str, Any]) -> bytes:
-    """Return the file that holds a card."""
-    return msgspec.json.format(msgspec.json.encode(card), indent=2) + b"\n"
+    """Return the file that holds a card, with its digest."""
+    told = msgspec.json.decode(msgspec.json.encode(card))
+    return msgspec.json.format(msgspec.json.encode({**told, "sha256": card_digest(told)}), indent=2) + b"\n"
 
 
 def card_of(folder: Path, recipe: Recipe) -> dict[str, Any] | None:

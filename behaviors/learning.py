@@ -13,7 +13,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from behaviors.actor_critic.ties import ties_drawn
-from behaviors.checkpoint import parts_of, read_checkpoint, with_prefix, write_checkpoint
+from behaviors.checkpoint import REMEDY, parts_of, read_checkpoint, with_prefix, write_checkpoint
 from behaviors.coordination.relearning import Coordinated, coordinate, shared_models
 from behaviors.curriculum import GREEDY, RATES, Curriculum, check_curriculum
 from behaviors.experience import make_models
@@ -83,13 +83,12 @@ class Learning:
         self._start = None if recipe.coordination is UNSET else self._coordinated()
         self._blank = self._blank_now()
         if kept is not None:
-            table = kept.standing.tables[0]
+            table = self._fitting(kept.standing)
         elif self._start is not None:
             table = self._start.table()
         else:
-            channels = 0 if recipe.reward is UNSET or not recipe.is_vector else len(recipe.reward.channels)
             sparse = recipe.learning.storage == "sparse"
-            table = make_table(*self._blank.values.shape, sparse=sparse, channels=channels)
+            table = make_table(*self._blank.values.shape, sparse=sparse, channels=self._channels)
         self._scene = self._scene_now(table)
         self._practice = Practice(
             self._scene,
@@ -102,6 +101,21 @@ class Learning:
             standing=None if kept is None else kept.standing,
         )
         self._play(0, 0)  # compiles what is not compiled yet
+
+    @property
+    def _channels(self) -> int:
+        """Number of rewards, 0 if they are not kept apart."""
+        return 0 if self._recipe.reward is UNSET or not self._recipe.is_vector else len(self._recipe.reward.channels)
+
+    def _fitting(self, standing: Standing) -> Table:
+        """Return the table of a learning that stands there; one of another skill would be written beyond its end."""
+        (table,) = standing.tables
+        states, actions = self._blank.values.shape
+        if (len(table.rows), table.values.shape[1], table.critic.shape[1]) != (states, actions, self._channels):
+            raise ValueError("its table is of another skill")
+        if not 0 <= standing.done <= self._trials:
+            raise ValueError(f"it tells of {standing.done} trials")
+        return table
 
     def _checked_levels(self) -> list[Recipe]:
         """Return the recipe on each level; a world without a start is found before anything is learned."""
@@ -149,9 +163,12 @@ class Learning:
             InputError: the checkpoint is damaged, or of another recipe, seed, number of trials, or version.
         """
         header, arrays = read_checkpoint(path, _identity(recipe, seed, trials))
-        models, standing = unpack_models(header["objects"], arrays), Standing.unpack(header, arrays)
-        curriculum = (header["curriculum"], parts_of("curriculum", arrays)) if "curriculum" in header else None
-        return cls(recipe, seed=seed, trials=trials, kept=_Kept(models, standing, curriculum))
+        try:
+            models, standing = unpack_models(header["objects"], arrays), Standing.unpack(header, arrays)
+            curriculum = (header["curriculum"], parts_of("curriculum", arrays)) if "curriculum" in header else None
+            return cls(recipe, seed=seed, trials=trials, kept=_Kept(models, standing, curriculum))
+        except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
+            raise InputError(f"{path} is damaged ({error}); {REMEDY}") from None
 
     def save(self, path: Path) -> None:
         """Write a checkpoint, whole or not at all.

@@ -18,6 +18,7 @@ from behaviors.tabular.decisions import most_decisions
 from behaviors.tabular.table import Table, all_states, pack_table, unpack_table
 from behaviors.trials.kernels import Results
 from behaviors.trials.scene import Scene, no_results
+from coevo.skill.model import MOST_STATES
 
 __all__ = ["Check", "Practice", "Standing", "joined"]
 
@@ -63,9 +64,15 @@ class Standing:
 
     @classmethod
     def unpack(cls, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Standing:
-        """Return what ``pack`` was given."""
+        """Return what ``pack`` was given.
+
+        Raises:
+            LookupError, TypeError, ValueError: that is not what came.
+        """
+        if any(type(states) is not int or not 0 <= states <= MOST_STATES for states in header["states"]):
+            raise ValueError(f"a table may have {MOST_STATES} states at most")
         tables = [unpack_table(parts_of(f"table{n}", arrays), states) for n, states in enumerate(header["states"])]
-        return cls(
+        standing = cls(
             tables,
             header["done"],
             [arrays[f"best{n}"] for n in range(len(tables)) if f"best{n}" in arrays],
@@ -74,6 +81,31 @@ class Standing:
             header["checks"],
             Results(**parts_of("results", arrays)),
         )
+        standing._check()  # compiled code would not
+        return standing
+
+    def _check(self) -> None:
+        told: list[Any] = [self.done, self.kept_after, self.checks]
+        if [type(one) for one in told] != [int, int, list] or min(self.done, self.kept_after) < 0:
+            raise ValueError("it does not tell where it stands")
+        if any(type(one) is not dict for one in told[-1]):
+            raise ValueError("what a check found is lost")
+        if any(column.shape != self.results.ends.shape or column.dtype != np.int64 for column in self.results):
+            raise ValueError("results of trials are of other shapes")
+        if len(self.best) not in (0, len(self.tables)):
+            raise ValueError("a table that was kept is lost")
+        for table in self.tables:
+            (room, actions), channels = table.values.shape, table.critic.shape[-1]
+            shapes = ((room, actions), (room, actions), (room,), (room, channels), (room, actions, channels))
+            kinds = (np.float64, np.int64, np.bool_, np.float64, np.float64)
+            found = [(array.shape, array.dtype) for array in table[: len(shapes)]]
+            if found != [(shape, np.dtype(kind)) for shape, kind in zip(shapes, kinds, strict=True)]:
+                raise ValueError("the parts of a table do not fit each other")
+            if not np.array_equal(np.sort(table.rows[table.rows >= 0]), np.arange(room)):
+                raise ValueError("a row of a table is of no state, or of two")
+        for values, table in zip(self.best, self.tables, strict=False):
+            if values.dtype != np.float64 or values.ndim != 2 or values.shape[1] != table.values.shape[1]:
+                raise ValueError("a table that was kept does not fit")
 
 
 class Practice:

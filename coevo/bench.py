@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,11 @@ import msgspec
 import numpy as np
 
 from coevo.compiled import start_costs
-from coevo.config import RunSettings
-from coevo.evolution.evaluation import Evaluator
-from coevo.evolution.loop import evolve
+from coevo.config import EvolutionSettings, RunSettings
+from coevo.evolution.evaluation import Evaluator, Match
+from coevo.evolution.loop import GenerationReport, evolve
 from coevo.evolution.population import random_teams
-from coevo.game import SoccerGame, programs_of, warm_up
+from coevo.game import Played, SoccerGame, programs_of, warm_up
 from coevo.plain import PlainGame
 from coevo.recipes import read_settings
 from coevo.run import create_run
@@ -25,7 +26,9 @@ from coevo.soccer.drive import action_set
 from coevo.soccer.physics import physics_params, replay
 from coevo.soccer.world import World
 
-__all__ = ["measure"]
+__all__ = ["PRESETS", "bookkeeping", "measure"]
+
+PRESETS = ("two-learners", "stationary-opponent", "three-learners")
 
 _GROUP = 20  # games of one grouping
 _ROUNDS = 5
@@ -126,3 +129,65 @@ def _workers(settings: RunSettings) -> tuple[float, float]:
                 evolve(run, evaluator, report)
     # The first generation breeds and the last does not: take those that breed.
     return float(np.median(np.array(seconds[1]) / np.array(seconds[2]))), float(np.median(shares[0::2]))
+
+
+class _EnoughError(Exception):
+    """What was to be measured is measured."""
+
+
+class _Timed(Evaluator):
+    """Plays in this process alone, and counts the CPU seconds of it."""
+
+    def __init__(self, settings: EvolutionSettings) -> None:
+        super().__init__(settings, workers=1, backend="threads")
+        self.cpu_seconds = 0.0
+
+    def play(self, matches: Iterable[Match], settings: EvolutionSettings | None = None) -> Iterator[Played]:
+        """Yield what happened in each match, when all are played."""
+        began = time.process_time()
+        outcomes = list(super().play(matches, settings))
+        self.cpu_seconds += time.process_time() - began
+        yield from outcomes
+
+
+def bookkeeping(presets: Sequence[str], generations: int, changes: Sequence[str] = ()) -> dict[str, dict[str, float]]:
+    """Measure what of a generation is not games, by preset: breeding, scoring, files.
+
+    CPU time of one process is compared with CPU time of the same, so that it matters little what else the machine does.
+
+    Args:
+        presets: names of recipes of soccer.
+        generations: how many of each, from the second on: the first loads libraries.
+        changes: settings to replace.
+
+    Returns:
+        For each preset CPU seconds of a generation's games and of the rest, the share of the rest with one worker and
+        with two, who play twice as fast at best, and the seconds that the rest took on the clock, the disk included.
+    """
+    return {name: _bookkeeping(read_settings(RunSettings, name, changes), generations) for name in presets}
+
+
+def _bookkeeping(settings: RunSettings, generations: int) -> dict[str, float]:
+    warm_up(settings, lambda _: None)
+    told: list[
+        tuple[float, float, float]
+    ] = []  # after each generation: CPU seconds, those of games, other on the clock
+    with tempfile.TemporaryDirectory() as folder, _Timed(settings) as evaluator:
+
+        def report(of: GenerationReport) -> None:
+            told.append((time.process_time(), evaluator.cpu_seconds, of.other_seconds))
+            if len(told) > generations:
+                raise _EnoughError
+
+        with suppress(_EnoughError):
+            evolve(create_run(Path(folder) / "run", settings), evaluator, report)
+    count = len(told) - 1
+    games = (told[-1][1] - told[0][1]) / count
+    other = (told[-1][0] - told[0][0]) / count - games
+    return {
+        "games_cpu_seconds": games,
+        "other_cpu_seconds": other,
+        "share": other / (games + other),
+        "share_of_two_workers": other / (games / 2.0 + other),
+        "other_seconds": sum(clock for _, _, clock in told[1:]) / count,
+    }

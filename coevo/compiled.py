@@ -197,12 +197,25 @@ def entry(function: _F) -> _F:
         before = numba.config.CACHE_DIR
         numba.config.CACHE_DIR = str(cache_folder())
         try:
-            compiled = numba.njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
+            compiled = _kept(function)
         finally:
             numba.config.CACHE_DIR = before
-    compiled._cache = _ForgivingCache(compiled._cache)  # noqa: SLF001 - numba's own name for it
     _entries.append(compiled)
     return cast("_F", compiled)
+
+
+def _kept(function: Callable[..., Any]) -> Any:
+    """Compile a kernel whose machine code is kept in the folder of these sources, or nowhere.
+
+    Where that folder cannot be written numba takes one beside the source, which it does not keep apart by versions.
+    """
+    with suppress(RuntimeError):  # it finds no place at all
+        compiled = numba.njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
+        kept = compiled._cache  # noqa: SLF001 - numba's own name for it
+        if Path(kept.cache_path).is_relative_to(cache_folder()):
+            compiled._cache = _ForgivingCache(kept)  # noqa: SLF001 - the same
+            return compiled
+    return numba.njit(no_cfunc_wrapper=True, **_OPTIONS)(function)
 
 
 class _ForgivingCache:

@@ -15,6 +15,7 @@ from coevo.files import DamagedFileError, digest_of, pack_arrays, read_arrays
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
 __all__ = [
     "CHOSE",
@@ -25,6 +26,7 @@ __all__ = [
     "best_first",
     "columns",
     "individuals_table",
+    "lacking_column",
     "read_checkpoint",
     "read_record",
     "table_lines",
@@ -109,8 +111,11 @@ class Checkpoint:
         """Return what ``arrays`` gave of these roles.
 
         Raises:
-            LookupError: something is missing.
+            LookupError, TypeError, ValueError: something is missing, or is something else.
         """
+        roles = list(roles)
+        for role in roles:
+            _check_population(*(arrays[f"{part}_{role}"] for part in ("sizes", "codes", "operator", "parents")))
         populations = {r: np.split(arrays[f"codes_{r}"], np.cumsum(arrays[f"sizes_{r}"])[:-1]) for r in roles}
         origins = {r: Origins(arrays[f"operator_{r}"], arrays[f"parents_{r}"]) for r in populations}
         return cls(int(arrays["generation"][0]), populations, origins)
@@ -129,6 +134,17 @@ class Checkpoint:
             **self.arrays(),
         }
         return pack_arrays({**arrays, "digest": digest_of(arrays)})
+
+
+def _check_population(sizes: NDArray[Any], codes: NDArray[Any], operator: NDArray[Any], parents: NDArray[Any]) -> None:
+    """Refuse arrays that are not of one population: what takes them does not look at their shapes."""
+    kinds = [f"{array.dtype} {array.ndim}" for array in (sizes, codes, operator, parents)]
+    if kinds != ["int64 1", "uint8 1", "uint8 1", "int32 2"]:
+        raise ValueError("its arrays are of other kinds")
+    if len(sizes) != len(operator) or parents.shape != (len(sizes), 2) or np.any(operator >= len(OPERATORS)):
+        raise ValueError("its arrays are not of one population")
+    if np.any(sizes < 1) or np.any(sizes > len(codes)) or sizes.sum() != len(codes):
+        raise ValueError("its trees are not as long as it says")
 
 
 def read_checkpoint(path: Path, run: bytes, heads: Iterable[str], roles: Iterable[int]) -> Checkpoint:
@@ -222,6 +238,22 @@ def individuals_table(generation: int, records: Sequence[GenerationRecord], term
         rounds = np.concatenate([record.rounds for record in records if record.rounds is not None])
         table["rounds"] = pa.FixedSizeListArray.from_arrays(pa.array(rounds.ravel()), rounds.shape[1])
     return pa.table(table)
+
+
+def lacking_column(table: pa.Table) -> str:
+    """Return a column that a part of individuals.parquet lacks, or that holds something else; "" if there is none."""
+    from pyarrow import types
+
+    whole = dict.fromkeys(("generation", "index", "group", "depth", "nodes"), types.is_integer)
+    whole |= {"robot": types.is_string, "fitness": types.is_floating, "tree": types.is_list}
+    for name, is_right in whole.items():
+        there = name in table.column_names and is_right(table.schema.field(name).type)
+        if not there or table.column(name).null_count:
+            return str(name)
+    trees = table.column("tree")
+    if not types.is_integer(trees.type.value_type) or any(chunk.flatten().null_count for chunk in trees.chunks):
+        return "tree"
+    return ""
 
 
 def read_record(

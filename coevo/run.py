@@ -19,7 +19,7 @@ from coevo.chain import Chain, sha256
 from coevo.config import EvolutionSettings, check_experiment, read_toml, to_toml
 from coevo.environment import environment
 from coevo.errors import InputError
-from coevo.files import MOST_FILE_BYTES, make_folder, read_text
+from coevo.files import make_folder
 from coevo.folder import held, save_lines, save_whole, writing
 from coevo.game import own_references, terminals_of
 from coevo.kept import skill_files
@@ -27,9 +27,9 @@ from coevo.levels import LevelRecord, level_lines
 from coevo.measures import MEASURES, measure_lines
 from coevo.plugins import own_file
 from coevo.records import Checkpoint, GenerationRecord, columns, individuals_table, table_lines
-from coevo.run_reader import AGAIN, CHAMPION_COLUMNS, CHAMPIONS, DIGESTS, OLDER, RunReader, part_name
+from coevo.run_reader import AGAIN, CHAMPION_COLUMNS, CHAMPIONS, DIGESTS, OLDER, RunReader, part_name, rows_digest
 
-__all__ = ["CHAMPION_COLUMNS", "Run", "create_run", "open_run", "rows_digest"]
+__all__ = ["CHAMPION_COLUMNS", "Run", "create_run", "open_run"]
 
 _Lines = Callable[[int, Sequence[GenerationRecord]], list[str]]
 _BEGUN = ".begun"  # is there as long as a folder is being made
@@ -109,20 +109,7 @@ class Run(RunReader):
         Raises:
             InputError: it is not there, or they are not those that were written.
         """
-        path, header, chain = self.path / name, ",".join(self.tables[name][0]), self.chain or Chain()
-        remedy = f"delete it; 'coevo resume {self.path}' makes it anew"
-        try:
-            lines = read_text(path, MOST_FILE_BYTES).splitlines()
-        except (OSError, ValueError) as error:
-            raise InputError(f"cannot read {path}: {error}; {remedy}") from None
-        if lines[:1] != [header]:
-            raise InputError(f"{path} is damaged: its first line is not {header[:40]}...; {remedy}")
-        width = len(self.evolving)
-        parts = [lines[1 + g * width : 1 + (g + 1) * width] for g in range(generations)]
-        for generation, part in enumerate(parts):
-            if rows_digest(part) != chain.digests.get(f"{name} {generation}"):
-                raise InputError(f"{path} is damaged: its rows of generation {generation} were altered; {remedy}")
-        return lines[1 : 1 + generations * width]
+        return self.rows_of(name, self.tables[name][0], generations)
 
     def save_champions(self, rows: Sequence[Sequence[object]]) -> None:
         """Write the last champions, a row of ``CHAMPION_COLUMNS`` each; what was found out of others is forgotten."""
@@ -135,11 +122,6 @@ class Run(RunReader):
         """Write what comes next."""
         head = (self.chain or Chain()).head
         save_whole(self.path / "checkpoint.npz", checkpoint.to_bytes(self._identity, head))
-
-
-def rows_digest(lines: Sequence[str]) -> str:
-    """Return the SHA-256 of lines of a table."""
-    return sha256(("\n".join(lines) + "\n").encode())
 
 
 def create_run(path: Path, settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Run:
@@ -188,11 +170,16 @@ def _refuse_taken(path: Path, files: Mapping[str, bytes]) -> None:
         raise InputError(f"{path} exists and is not an empty folder; choose another --out")
 
 
-def open_run(path: str | Path) -> Run:
+def open_run(path: str | Path, *, altered: bool = False) -> Run:
     """Open a run folder for reading; see ``Run``.
 
+    Args:
+        path: of the folder.
+        altered: whether to open one, too, whose settings or code are not those that it was begun with, or that lacks a
+            generation.
+
     Raises:
-        InputError: there is no run, or its config.toml is wrong.
+        InputError: there is no run, or its config.toml is wrong or was altered.
 
     Example:
         >>> from pathlib import Path
@@ -213,4 +200,8 @@ def open_run(path: str | Path) -> Run:
         if (path / _BEGUN).is_file():
             what = "was stopped before the run was begun; nothing is lost"
         raise InputError(f"{path} {what}; start a run with 'coevo evolve'")
-    return Run(path, check_experiment(read_toml(path / "config.toml"), str(path / "config.toml")))
+    run = Run(path, check_experiment(read_toml(path / "config.toml"), str(path / "config.toml")))
+    if not altered:
+        run.require_as_begun()
+        run.require_no_gap()
+    return run

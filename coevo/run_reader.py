@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import io
+from collections.abc import Sequence
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coevo.chain import Chain
+from coevo.chain import Chain, sha256
 from coevo.config import EvolutionSettings, to_toml
 from coevo.errors import InputError
 from coevo.files import MOST_FILE_BYTES, DamagedFileError, read_arrays, read_text, read_whole
@@ -18,14 +20,24 @@ from coevo.folder import Folder, read_table
 from coevo.game import Game, make_game
 from coevo.levels import LevelRecord, level_settings
 from coevo.plugins import search_folders
-from coevo.records import Checkpoint, GenerationRecord, columns, read_checkpoint, read_record
+from coevo.records import Checkpoint, GenerationRecord, columns, lacking_column, read_checkpoint, read_record
 from coevo.tree import Tree, from_codes
 
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-__all__ = ["AGAIN", "CHAMPIONS", "CHAMPION_COLUMNS", "DIGESTS", "OLDER", "RunReader", "part_name"]
+__all__ = [
+    "AGAIN",
+    "CHAMPIONS",
+    "CHAMPION_COLUMNS",
+    "DIGESTS",
+    "OLDER",
+    "RunReader",
+    "part_name",
+    "rows_digest",
+    "why_unsound",
+]
 
 CHAMPION_COLUMNS = ("team", "robot", "generation", "index", "fitness", "fitness_again", "games", "won", "lost")
 CHAMPIONS, DIGESTS = "champions.csv", "digests.txt"
@@ -41,6 +53,26 @@ def part_name(generation: int) -> str:
     return f"individuals.parquet/part-{generation:05d}.parquet"
 
 
+def rows_digest(lines: Sequence[str]) -> str:
+    """Return the SHA-256 of lines of a table."""
+    return sha256(("\n".join(lines) + "\n").encode())
+
+
+def why_unsound(folder: Path, name: str, digest: str, remedy: str = f"{AGAIN}, or put it back as it was") -> str:
+    """Return in words why a file of a run is not as it was written; "" if it is."""
+    path = folder / name
+    try:
+        found = sha256(read_whole(path))
+    except FileNotFoundError:
+        return f"{path} is lost; {AGAIN}, or put it back"
+    except (OSError, ValueError) as error:
+        return f"cannot read {path}: {getattr(error, 'strerror', None) or error}"
+    if found == digest:
+        return ""
+    told = ": its settings are not those of config.toml when the run was begun" if name == "config.toml" else ""
+    return f"{path} is damaged or was changed: it does not match its digest{told}; {remedy}"
+
+
 class RunReader(Folder):
     """A run on disk, to be read."""
 
@@ -54,16 +86,46 @@ class RunReader(Folder):
 
     @property
     def generations(self) -> pd.DataFrame:
-        """``generations.csv``: a row a generation and role."""
+        """``generations.csv``: a row a generation and role.
+
+        Raises:
+            InputError: it is lost or damaged.
+        """
         import pandas as pd
 
-        path = self.path / "generations.csv"
-        if not path.exists():
-            return pd.DataFrame(columns=columns(self.game.counts))
+        path, header = self.path / "generations.csv", columns(self.game.counts)
+        if not self.finished and not path.exists():
+            return pd.DataFrame(columns=header)
         try:
-            return pd.read_csv(io.BytesIO(read_whole(path)))
+            if self.chain is None:
+                return pd.read_csv(io.BytesIO(read_whole(path)))
+            lines = [",".join(header), *self.rows_of(path.name, header)]
+            return pd.read_csv(io.StringIO("\n".join(lines)))
         except (ValueError, OSError) as error:
             raise InputError(f"cannot read {path}: {error}") from None
+
+    def rows_of(self, name: str, header: Sequence[str], generations: int | None = None) -> list[str]:
+        """Return a table's lines of the first generations, of all unless a number is given, without its header.
+
+        Raises:
+            InputError: it is not there, or they are not those that were written.
+        """
+        path, chain = self.path / name, self.chain or Chain()
+        remedy = f"delete it; 'coevo resume {self.path}' makes it anew"
+        try:
+            lines = read_text(path, MOST_FILE_BYTES).splitlines()
+        except (OSError, ValueError) as error:
+            raise InputError(f"cannot read {path}: {error}; {remedy}") from None
+        if lines[:1] != [",".join(header)]:
+            raise InputError(f"{path} is damaged: its first line is not {','.join(header)[:40]}...; {remedy}")
+        width = len(self.evolving)
+        if generations is None:  # a kill may have left more rows than individuals
+            generations = max(self.finished, -(-(len(lines) - 1) // width))
+        parts = [lines[1 + g * width : 1 + (g + 1) * width] for g in range(generations)]
+        for generation, part in enumerate(parts):
+            if rows_digest(part) != chain.digests.get(f"{name} {generation}"):
+                raise InputError(f"{path} is damaged: its rows of generation {generation} were altered; {remedy}")
+        return lines[1 : 1 + generations * width]
 
     @property
     def individuals(self) -> pd.DataFrame:
@@ -75,7 +137,12 @@ class RunReader(Folder):
 
     @property
     def environment(self) -> str:
-        """``environment.json`` as it stands: versions, commit, digests of skills."""
+        """``environment.json``: versions, commit, digests of skills.
+
+        Raises:
+            InputError: it was altered.
+        """
+        self.require_as_begun("environment.json")
         try:
             return read_text(self.path / "environment.json")
         except (OSError, ValueError):
@@ -95,6 +162,37 @@ class RunReader(Folder):
             return None
         except (OSError, ValueError) as error:
             raise InputError(f"{path} is damaged ({error}); {AGAIN}") from None
+
+    def require_as_begun(self, *names: str) -> None:
+        """Refuse files that were altered since the run was begun; of an older run that is not known.
+
+        Args:
+            names: of files; none for those that decide what everything else means, and is called: settings, code of
+                one's own, and cards of skills. Skills themselves are compared when they are loaded.
+
+        Raises:
+            InputError: one was altered or is lost.
+        """
+        digests = (self.chain or Chain()).digests
+        for name in names or [one for one in digests if one.endswith(("config.toml", ".py", "/card.json"))]:
+            why = why_unsound(self.path, name, digests[name]) if name in digests else ""
+            if why:
+                raise InputError(why)
+
+    def require_no_gap(self) -> None:
+        """Refuse a run that lost a generation: it would be read as if it had ended before.
+
+        Raises:
+            InputError: says which is lost.
+        """
+        finished = self.finished
+        known = sum(name.startswith("individuals.parquet/") for name in (self.chain or Chain()).digests)
+        reached = 0
+        if finished < known:  # one of which a kill has left the digest only, or one that is lost
+            with suppress(OSError, LookupError, TypeError, ValueError, DamagedFileError):
+                reached = int(read_arrays(self.path / "checkpoint.npz")["generation"][0])
+        if finished < reached or any(self._part_path(number).exists() for number in range(finished + 1, known)):
+            raise InputError(f"{self._part_path(finished)} is lost; {AGAIN}, or put it back")
 
     @cached_property
     def game(self) -> Game:
@@ -170,7 +268,11 @@ class RunReader(Folder):
             last = self.finished - 1
             have = f"0 to {last}" if last >= 0 else "none yet"
             raise InputError(f"{self.path} has no generation {generation}; finished generations: {have}")
-        return read_table(path, self.part_digest(generation), AGAIN)
+        table = read_table(path, self.part_digest(generation), AGAIN)
+        lacking = lacking_column(table)
+        if lacking:
+            raise InputError(f"{path} is damaged: its column {lacking!r} is lost or holds something else; {AGAIN}")
+        return table
 
     def record(self, generation: int, robot: str) -> pd.DataFrame:
         """Return the individuals of one role in one generation, best first (by fitness, depth, index)."""
@@ -196,11 +298,14 @@ class RunReader(Folder):
         """
         import pandas as pd
 
-        path = self.path / CHAMPIONS
+        path, chain = self.path / CHAMPIONS, self.chain
         if not self.config.evaluation.champion_games or not path.exists():
             return None
         try:
-            table = pd.read_csv(io.BytesIO(read_whole(path)), dtype=str)  # and then by Python's float, which is exact
+            data = read_whole(path)
+            if chain is not None and sha256(data) != chain.digests.get(CHAMPIONS):
+                raise ValueError("it does not match its digest")
+            table = pd.read_csv(io.BytesIO(data), dtype=str)  # and then by Python's float, which is exact
             if (
                 table.columns.tolist() != list(CHAMPION_COLUMNS)
                 or table.isna().any(axis=None)
@@ -261,5 +366,8 @@ class RunReader(Folder):
         part, found = self._part(generation), []
         for role, robot in self.evolving.items():
             rows, terminals = part[part["robot"] == robot], self.game.function_set(role).terminals
-            found.append(read_record(role, robot, rows, self.game.counts, terminals))
+            try:
+                found.append(read_record(role, robot, rows, self.game.counts, terminals))
+            except (LookupError, TypeError, ValueError) as error:
+                raise InputError(f"{self._part_path(generation)} is damaged ({error}); {AGAIN}") from None
         return found

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from coevo.chain import sha256
 from coevo.environment import environment
 from coevo.errors import InputError
-from coevo.files import MOST_FILE_BYTES, parse_json, read_text, read_whole
+from coevo.files import MOST_FILE_BYTES, parse_json, read_text
 from coevo.levels import level_lines
-from coevo.run import Run, rows_digest
-from coevo.run_reader import AGAIN, CHAMPIONS, DIGESTS, OLDER, part_name
+from coevo.run import Run
+from coevo.run_reader import AGAIN, CHAMPIONS, DIGESTS, OLDER, part_name, rows_digest, why_unsound
 from coevo.skill import load_skill, read_card
 
-__all__ = ["Finding", "check_run", "check_skill", "differences", "require_sound", "restore"]
+__all__ = [
+    "Finding",
+    "check_run",
+    "check_skill",
+    "differences",
+    "require_sound",
+    "require_tables_of_learning",
+    "restore",
+]
 
 
 class Finding(NamedTuple):
@@ -85,20 +93,11 @@ def _of_the_run(run: Run) -> Iterator[Finding]:
 
 
 def _compared(folder: Path, name: str, digest: str, *, may_lack: bool = False) -> Finding:
-    path = folder / name
-    try:
-        found = sha256(read_whole(path))
-    except FileNotFoundError:
-        if may_lack:
-            return Finding(name, "missing")
-        return Finding(name, "damaged", f"{path} is lost; {AGAIN}, or put it back")
-    except (OSError, ValueError) as error:
-        return Finding(name, "damaged", f"cannot read {path}: {getattr(error, 'strerror', None) or error}")
-    if found == digest:
-        return Finding(name, "sound")
-    told = ": its settings are not those of config.toml when the run was begun" if name == "config.toml" else ""
+    if may_lack and not (folder / name).exists():
+        return Finding(name, "missing")
     remedy = f"delete it; 'coevo resume {folder}' makes it anew" if may_lack else f"{AGAIN}, or put it back as it was"
-    return Finding(name, "damaged", f"{path} is damaged or was changed: it does not match its digest{told}; {remedy}")
+    why = why_unsound(folder, name, digest, remedy)
+    return Finding(name, "damaged" if why else "sound", why)
 
 
 def _of_tables(run: Run, generations: int) -> Iterator[Finding]:
@@ -211,7 +210,27 @@ def check_skill(folder: Path) -> list[Finding]:
         return [Finding("skill.npz", "damaged", str(error))]
     found = [Finding("skill.npz", "sound")]
     if not card:
-        return [*found, Finding("card.json", "missing")]
+        there = os.path.lexists(folder / "card.json")
+        why = f"{folder / 'card.json'} cannot be read, or is no card; learn the skill again with 'coevo learn'"
+        return [*found, Finding("card.json", "damaged", why) if there else Finding("card.json", "missing")]
     if card.get("digest") != skill.digest:
         return [*found, Finding("card.json", "damaged", f"{folder / 'card.json'} is the card of another skill")]
-    return [*found, Finding("card.json", "sound")]
+    return [*found, Finding("card.json", "sound"), *_of_tables_of_learning(folder, card)]
+
+
+def _of_tables_of_learning(folder: Path, card: Mapping[str, Any]) -> Iterator[Finding]:
+    remedy = "learn the skill again with 'coevo learn'"
+    for name, digest in dict(card.get("files", {})).items():
+        why = why_unsound(folder, name, digest, remedy) if Path(name).name == name else "it is no name of a file"
+        yield Finding(name, "damaged" if why else "sound", why)
+
+
+def require_tables_of_learning(folder: Path) -> None:
+    """Refuse the folder of a learned skill whose tables are not those that its card tells of, if it has a card.
+
+    Raises:
+        InputError: says what, and what to do.
+    """
+    for finding in _of_tables_of_learning(folder, read_card(folder / "skill.npz")):
+        if finding.state == "damaged":
+            raise InputError(finding.why)

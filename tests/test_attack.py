@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -11,13 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from behaviors.learned import card_bytes
 from coevo.chain import Chain, sha256
 from coevo.errors import InputError
 from coevo.files import begin_file, lock, make_folder, read_arrays, read_text, read_whole, write_whole
 from coevo.kept import with_kept_skills
 from coevo.run import create_run, open_run
-from coevo.skill import load_skill, skill_path
-from coevo.soundness import check_run, require_sound, restore
+from coevo.skill import load_skill, read_card, skill_path
+from coevo.soundness import check_run, require_sound, require_tables_of_learning, restore
 from coevo.tree import parse, simplify
 
 ROOT = Path(__file__).parents[1]
@@ -130,6 +133,67 @@ def test_damage_is_told_and_not_hidden_by_going_on(what, coevo, copied_run, go_o
     assert {path: path.read_bytes() for path in copied_run.rglob("*") if path.is_file()} == before
 
 
+def test_what_was_altered_is_refused_by_who_reads_it(coevo, copied_run, tmp_path):
+    """Each file by a command that shows what is in it, while commands that do not need it go on."""
+    whole = {path: path.read_bytes() for path in copied_run.rglob("*") if path.is_file()}
+    page = tmp_path / "report.html"
+    for name, old, new, arguments in (
+        ("config.toml", b"tournament = 2", b"tournament = 3", ["inspect", copied_run]),
+        ("generations.csv", b"2,r0,", b"2,r0,9", ["settlements", copied_run, "--games", "2", "--json"]),
+        ("environment.json", b"numpy", b"numpi", ["report", copied_run, "--out", page]),
+        ("individuals.parquet/part-00001.parquet", b"PAR1", b"PAR2", ["curves", copied_run, "--json"]),
+        ("skills/shoot/skill.npz", b"PK", b"KP", ["play", copied_run, "--games", "1"]),
+        ("skills/shoot/card.json", b"drives", b"driven", ["inspect", copied_run]),
+    ):
+        change(copied_run / name, old, new)
+        said = coevo(*arguments)
+        assert (said.code, said.out) == (2, ""), name
+        assert str(copied_run / name) in said.err
+        (copied_run / name).write_bytes(whole[copied_run / name])
+    part = copied_run / "individuals.parquet" / "part-00001.parquet"
+    part.unlink()  # not read as a run of one generation
+    said = coevo("curves", copied_run, "--json")
+    assert (said.code, f"{part} is lost" in said.err) == (2, True)
+    part.write_bytes(whole[part])
+    change(copied_run / "measures.csv", b"r0", b"r9")
+    assert coevo("curves", copied_run, "--json").code == 0
+    assert not page.exists()
+
+
+def test_a_card_that_was_altered_is_told(coevo, tmp_path):
+    shutil.copy(skill_path("search"), tmp_path / "skill.npz")
+    (tmp_path / "levels.csv").write_text("trial,event\n")
+    card = {**read_card("search"), "files": {"levels.csv": sha256(b"trial,event\n")}}
+    path = tmp_path / "card.json"
+    path.write_bytes(card_bytes(card))
+    assert read_card(tmp_path / "skill.npz") == card
+    assert coevo("check", tmp_path).code == 0
+    change(path, b'"success_rate": 0.9', b'"success_rate": 0.8')
+    said = coevo("check", tmp_path)
+    assert (said.code, f"{path} is damaged: it does not match its digest" in said.out) == (1, True)
+    path.write_bytes(card_bytes(card))
+    change(tmp_path / "levels.csv", b"event", b"evend")
+    with pytest.raises(InputError, match=r"levels\.csv is damaged or was changed"):
+        require_tables_of_learning(tmp_path)
+    assert coevo("check", tmp_path).code == 1
+
+
+def test_who_goes_on_elsewhere_is_told_what_differs(coevo, copied_run):
+    assert "Beware" not in coevo("resume", copied_run, "--unseen", "0").err
+    path, chain = copied_run / "environment.json", Chain.read((copied_run / "digests.txt").read_text())
+    about = json.loads(path.read_text())
+    about["versions"]["numpy"], about["processor"] = "0.1", "abacus"
+    path.write_text(json.dumps(about))
+    whole = Chain().extended({**chain.digests, path.name: sha256(path.read_bytes())})  # as if begun there
+    (copied_run / "digests.txt").write_text(whole.text())
+    (copied_run / "checkpoint.npz").unlink()
+    said = coevo("resume", copied_run, "--unseen", "0")
+    assert said.code == 0
+    assert "Beware: this run was begun under other conditions" in said.err
+    assert "processor abacus there" in said.err
+    assert f"numpy 0.1 there, {np.__version__} here" in said.err
+
+
 def test_tables_that_are_lost_are_made_anew(copied_run, small_run, results_of):
     for name in ("generations.csv", "measures.csv"):
         (copied_run / name).unlink()
@@ -231,19 +295,28 @@ def test_a_share_of_the_attack_fails_nowhere():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("family", "scale"), [("structured", 0.02), ("reading", 0.01), ("kills", 0.02)])
+def test_what_takes_longer_to_attack_fails_nowhere_either(family, scale):
+    done = attack("--scale", str(scale), "--only", family)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert " 0 failed" in done.stdout
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("mutation", "scale"),  # of the smallest share that finds it; drop-lock takes half a minute at 0.3
+    ("mutation", "scale", "files"),  # a share that is sure to find it
     [
-        ("skip-digest", 0.1),
-        ("skip-parts", 0.02),
-        ("skip-chain", 0.1),
-        ("drop-fsync", 0.02),
-        ("drop-rename", 0.05),
-        ("follow-links", 0.02),
-        ("unbounded", 0.02),
+        ("skip-digest", 0.02, "*.csv"),
+        ("skip-parts", 0.02, "*"),
+        ("skip-chain", 0.02, "digests.txt"),
+        ("drop-fsync", 0.02, "*"),
+        ("drop-rename", 0.05, "*"),
+        ("drop-lock", 0.02, "*"),
+        ("follow-links", 0.02, "*"),
+        ("unbounded", 0.02, "*"),
     ],
 )
-def test_the_attack_fails_where_a_part_of_the_code_is_taken_away(mutation, scale):
-    done = attack("--scale", str(scale), "--mutation", mutation)
+def test_the_attack_fails_where_a_part_of_the_code_is_taken_away(mutation, scale, files):
+    done = attack("--scale", str(scale), "--mutation", mutation, "--files", files)
     assert done.returncode == 1, done.stdout + done.stderr
     assert " 0 failed" not in done.stdout.splitlines()[-1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import errno
 import importlib
 import os
 import pkgutil
@@ -286,6 +287,41 @@ def test_is_compiled_tells_whether_a_first_call_will_be_quick(own_cache):
     assert again.stats.cache_hits
     shutil.rmtree(own_cache)
     assert not is_compiled(entry(double))
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+@pytest.mark.parametrize("content", [slice(0), slice(20), slice(-1), slice(None, None, -1)])
+def test_a_damaged_cache_is_made_anew(suffix, content, own_cache):
+    entry(double)(np.ones(3))
+    (path,) = own_cache.rglob(f"*.{suffix}")
+    path.write_bytes(path.read_bytes()[content])
+    values, kernel = np.ones(3), entry(double)
+    kernel(values)
+    assert values.tolist() == [2.0] * 3
+    again = entry(double)  # and is of use once more
+    again(values)
+    assert values.tolist() == [4.0] * 3
+    assert again.stats.cache_hits
+
+
+def test_a_cache_that_cannot_be_written_is_done_without(own_cache, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile._open_for_write", full)
+    values = np.ones(3)
+    entry(double)(values)
+    assert values.tolist() == [2.0] * 3
+    assert not list(own_cache.rglob("*.nb?"))
+
+
+def test_machine_code_is_kept_nowhere_else(own_cache):
+    """Elsewhere numba would look at one file only, and run old machine code after an edit of another."""
+    own_cache.write_text("a file where the folder should be")
+    values, kernel = np.ones(3), entry(double)
+    kernel(values)
+    assert values.tolist() == [2.0] * 3
+    assert not list(Path(__file__).parent.glob("__pycache__/test_compiled.double-*.nb?"))
 
 
 def test_a_name_that_only_begins_alike_is_not_taken_for_compiled(own_cache):

@@ -114,7 +114,7 @@ def learn(
                 again = _again(source, seed=seed, trials=trials, drive=drive, out=out, games=counted, video=video)
                 note(f"Stopped; {learning.done} of {recipe.trials} trials are saved. Go on with: {again}")
                 raise
-            write_learned(folder, learning, skill, card, None if is_recipe_of(source, folder) else recipe)
+            card = write_learned(folder, learning, skill, card, None if is_recipe_of(source, folder) else recipe)
             said = f"Written: {folder}"
     _film(folder, recipe, video)
     _show(folder, card, as_json=as_json, said=_written(said, video))

@@ -97,7 +97,7 @@ def _learned_there(recipe: Recipe, folder: Path, tick: Callable[[], None]) -> di
     go_on(learning, checkpoint, leave_if_unwanted)
     skill = learning.skill()
     card = make_card(recipe, skill, games=CARD_GAMES, seed=StartsSeed.CARDS)
-    write_learned(folder, learning, skill, card, recipe)
+    card = write_learned(folder, learning, skill, card, recipe)
     kept: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(card))  # as the file gives it back
     return kept
 

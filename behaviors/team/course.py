@@ -81,15 +81,18 @@ class TeamCourse:
             InputError: the checkpoint is damaged, or of another recipe, seed, or version.
         """
         at, arrays = read_checkpoint(path, _identity(recipe, seed), remedy=_BEGIN_ANEW)
-        members = [
-            _unpack(settings, header, parts_of(settings.name, arrays))
-            for settings, header in zip(recipe.robots, at["members"], strict=True)
-        ]
-        course = cls(recipe, seed, members=members)
-        course.checks = at["checks"]
-        course.results = {name: Results(**parts_of(f"results.{name}", arrays)) for name in at["over"]}
-        if at["practice"] is not None:
-            course._prepare(Standing.unpack(at["practice"], parts_of("practice", arrays)))
+        try:
+            members = [
+                _unpack(settings, header, parts_of(settings.name, arrays))
+                for settings, header in zip(recipe.robots, at["members"], strict=True)
+            ]
+            course = cls(recipe, seed, members=members)
+            course.checks = at["checks"]
+            course.results = {name: Results(**parts_of(f"results.{name}", arrays)) for name in at["over"]}
+            if at["practice"] is not None:
+                course._prepare(Standing.unpack(at["practice"], parts_of("practice", arrays)))
+        except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
+            raise InputError(f"{path} is damaged ({error}); {_BEGIN_ANEW}") from None
         return course
 
     def save(self, path: Path) -> None:

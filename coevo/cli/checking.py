@@ -33,6 +33,7 @@ def check(*, folders: tuple[Path, ...], as_json: bool, quiet: bool) -> None:
     del quiet
     runs = list(_runs(folders))
     findings = [(path, finding) for path in runs for finding in _findings(path)]
+    findings += [(path, finding) for path in folders if path not in runs for finding in _of_study(path)]
     wrong = [(path, finding) for path, finding in findings if finding.state == "damaged"]
     lacking = [(path, finding) for path, finding in findings if finding.state == "missing"]
     data = {
@@ -60,6 +61,12 @@ def _runs(folders: tuple[Path, ...]) -> Iterator[Path]:
             yield from inner
 
 
+def _of_study(path: Path) -> list[Finding]:
+    from coevo.study.folder import STUDY, check_study
+
+    return check_study(path) if (path / STUDY).exists() else []
+
+
 def _findings(path: Path) -> list[Finding]:
     from coevo.run import open_run
     from coevo.soundness import Finding, check_run, check_skill
@@ -67,7 +74,7 @@ def _findings(path: Path) -> list[Finding]:
     if not (path / "config.toml").exists() and (path / "skill.npz").exists():
         return check_skill(path)
     try:
-        run = open_run(path)
+        run = open_run(path, altered=True)
     except InputError as error:
         if not (path / "config.toml").exists():
             raise

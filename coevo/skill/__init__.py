@@ -1,13 +1,23 @@
 """Learned skills: data on disk, a bank of them for compiled code, and how one estimates its state and acts."""
 
 from coevo.skill.bank import SkillBank, make_bank
-from coevo.skill.model import ObjectModel, Skill, installed_skills, load_skill, read_card, skill_description, skill_path
+from coevo.skill.model import (
+    ObjectModel,
+    Skill,
+    card_digest,
+    installed_skills,
+    load_skill,
+    read_card,
+    skill_description,
+    skill_path,
+)
 from coevo.skill.world import check_world
 
 __all__ = [
     "ObjectModel",
     "Skill",
     "SkillBank",
+    "card_digest",
     "check_world",
     "installed_skills",
     "load_skill",

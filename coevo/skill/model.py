@@ -25,6 +25,7 @@ __all__ = [
     "OBJECT_KINDS",
     "ObjectModel",
     "Skill",
+    "card_digest",
     "installed_skills",
     "load_skill",
     "pack_models",
@@ -308,7 +309,7 @@ def load_skill(source: str | Path) -> Skill:
         raise
     except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
         raise InputError(damaged.format(error)) from None
-    if skill.digest != header["digest"]:
+    if skill.digest != header.get("digest"):
         raise InputError(f"{path} is damaged: its contents do not match its digest; learn it again with 'coevo learn'")
     return skill
 
@@ -348,6 +349,9 @@ def skill_path(source: str | Path) -> Path:
 def read_card(source: str | Path) -> dict[str, Any]:
     """Return the card beside a skill: what it was measured at; empty if there is none.
 
+    Raises:
+        InputError: it is damaged.
+
     Example:
         >>> from coevo.skill import read_card
         >>> sorted(read_card("search")["measured"]), read_card("search")["measured"]["in-view"]["games"]
@@ -360,7 +364,17 @@ def read_card(source: str | Path) -> dict[str, Any]:
         return {}
     except ValueError:
         raise InputError(f"{path} is not valid JSON; make it again with 'coevo skills evaluate'") from None
-    return card if isinstance(card, dict) else {}
+    if not isinstance(card, dict):
+        return {}
+    digest = card.pop("sha256", None)  # older ones have none
+    if digest not in (None, card_digest(card)):
+        raise InputError(f"{path} is damaged: it does not match its digest; learn the skill again with 'coevo learn'")
+    return card
+
+
+def card_digest(card: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a card."""
+    return hashlib.sha256(json.dumps(card, sort_keys=True).encode()).hexdigest()
 
 
 def skill_description(source: str | Path) -> str:

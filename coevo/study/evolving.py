@@ -178,7 +178,7 @@ def _begun(settings: EvolutionSettings, folder: Path, folders: Sequence[Path]) -
     if not (folder / "config.toml").exists():
         shutil.rmtree(folder, ignore_errors=True)
         return create_run(folder, settings, folders)
-    run = open_run(folder)
+    run = open_run(folder, altered=True)  # evolution refuses one that was altered
     if run.config != settings:
         raise InputError(f"{folder} holds a run of other settings; remove it, or give the study another --out")
     return run

@@ -9,6 +9,7 @@ study may be killed at any instant, and all that is written follows from what th
 from __future__ import annotations
 
 import csv
+import io
 import json
 import secrets
 from collections.abc import Callable, Mapping, Sequence
@@ -17,21 +18,24 @@ from typing import Any
 
 import msgspec
 
+from coevo.chain import sha256
 from coevo.config import check, read_toml, to_toml
 from coevo.errors import InputError
 from coevo.files import make_folder, parse_json, read_text, read_whole, write_whole
 from coevo.folder import lock_folder
+from coevo.soundness import Finding
 from coevo.study.kinds import Cell
 from coevo.study.plan import RECIPES, Plan, PlannedRun, StudySettings
 from coevo.study.registry import kind_named
 from coevo.study.sets import table_bytes
 
-__all__ = ["ROW", "STUDY", "StudyFolder", "check_folder", "finished_runs", "open_study", "row_bytes"]
+__all__ = ["ROW", "STUDY", "StudyFolder", "check_folder", "check_study", "finished_runs", "open_study", "row_bytes"]
 
 STUDY = "study.toml"
 ROW = "study.json"
 _TABLE, _FAILED = "table.csv", "failed.csv"
 _FLAG = ".going-"
+_ANEW = "the same 'coevo study' makes it anew"
 
 
 def row_bytes(measured: Sequence[str], row: Mapping[str, Cell]) -> bytes:
@@ -41,23 +45,89 @@ def row_bytes(measured: Sequence[str], row: Mapping[str, Cell]) -> bytes:
         measured: what was measured, by the names that its kind gives it.
         row: what it came to, by column.
     """
-    return (json.dumps({"measured": list(measured), "row": row}, indent=2, allow_nan=False) + "\n").encode()
+    told = {"measured": list(measured), "row": dict(row)}
+    return (json.dumps({**told, "sha256": _digest(told)}, indent=2, allow_nan=False) + "\n").encode()
+
+
+def _digest(told: Mapping[str, Any]) -> str:
+    return sha256(json.dumps(told).encode())
+
+
+def _read_row(path: Path) -> tuple[list[str], dict[str, Cell]]:
+    """Return what was measured of a run, and what it came to.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError, TypeError, LookupError: it is damaged.
+    """
+    told = dict(parse_json(read_text(path)))
+    digest = told.pop("sha256", None)  # older ones have none
+    measured, row = list(told["measured"]), dict(told["row"])
+    if len(told) > 2 or digest not in (None, _digest(told)):
+        raise ValueError("it does not match its digest")
+    return measured, row
 
 
 def finished_runs(path: Path) -> list[tuple[Path, dict[str, str]]]:
     """Return the folder of each finished run of a study, which may be under way, and its row of the table.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or the table is damaged.
     """
     try:
-        with (path / _TABLE).open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, ValueError):
+        rows = _table_rows(path)
+    except FileNotFoundError:
         rows = []
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path / _TABLE} is damaged ({error}); {_ANEW}") from None
     if not rows or "run" not in rows[0]:
         raise InputError(f"{path} holds no finished run of a study; run 'coevo study' first, or name its folder")
     return [(path / row["run"], row) for row in rows]
+
+
+def _table_rows(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a study's table, each compared with what its run says that it came to, if it does.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is damaged.
+    """
+    table = csv.DictReader(io.StringIO(read_text(path / _TABLE), newline=""), strict=True)
+    try:
+        rows = [dict(row) for row in table]
+    except csv.Error as error:
+        raise ValueError(str(error)) from None
+    for number, row in enumerate(rows):
+        name, seed = row.get("run"), row.get("seed")
+        if name is None or seed is None or Path(name).name != name or not name.endswith(f"seed{seed}"):
+            raise ValueError(f"its row {number + 1} names no run")
+        try:
+            _, told = _read_row(path / name / ROW) if (path / name / ROW).exists() else ([], {})
+        except (OSError, ValueError, TypeError, LookupError):
+            raise ValueError(f"{Path(name) / ROW} does not tell what the run came to") from None
+        if None in row or any(row.get(column) != str(cell) for column, cell in told.items()):
+            raise ValueError(f"its row of {name} is not what the run came to")
+    return rows
+
+
+def check_study(path: Path) -> list[Finding]:
+    """Return what is sound in a study's folder besides its runs: what they came to, and the table of it."""
+    found = []
+    for one in sorted(path.glob(f"*/{ROW}")):
+        name = str(one.relative_to(path))
+        try:
+            _read_row(one)
+        except (OSError, ValueError, TypeError, LookupError) as error:
+            found.append(Finding(name, "damaged", f"{one} is damaged ({error}); delete it; {_ANEW}"))
+        else:
+            found.append(Finding(name, "sound"))
+    try:
+        _table_rows(path)
+    except FileNotFoundError:
+        return [*found, Finding(_TABLE, "missing")]
+    except (OSError, ValueError) as error:
+        return [*found, Finding(_TABLE, "damaged", f"{path / _TABLE} is damaged ({error}); {_ANEW}")]
+    return [*found, Finding(_TABLE, "sound")]
 
 
 class StudyFolder:
@@ -94,8 +164,7 @@ class StudyFolder:
         """Return what a run came to, by column; None if it is not finished, or was not asked all that is asked now."""
         folder, kind = self.path / run.name, kind_named(run.condition.kind)
         try:
-            told = parse_json(read_text(folder / ROW))
-            row, measured = dict(told["row"]), list(told["measured"])
+            measured, row = _read_row(folder / ROW)
         except (OSError, ValueError, TypeError, LookupError):
             return None
         return row if measured == list(kind.measured) and kind.is_whole(folder, run.settings) else None

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 import shutil
 from collections.abc import Mapping, Sequence
@@ -152,9 +151,7 @@ def read_sets(study: Path) -> dict[str, list[StoredSet]]:
     for method in sorted(path.parent for path in study.glob(f"*/{_SETTINGS}")):
         folders = sorted(path.parent for path in method.glob(f"set-*/{_SUMMARY}"))
         if folders:
-            found[method.name] = [
-                StoredSet(folder, json.loads((folder / _SUMMARY).read_text(encoding="utf-8"))) for folder in folders
-            ]
+            found[method.name] = [read_set(folder)[0] for folder in folders]
     if not found:
         raise InputError(f"{study} holds no finished set; run 'coevo reproduce chapter3' first")
     return found

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
+from coevo.bench import bookkeeping
 from coevo.config import RunSettings
+from coevo.evolution.evaluation import Evaluator
 from coevo.evolution.population import codes_of, first_population
 from coevo.evolution.variation import breed
 from coevo.game import Arena, function_set
 from coevo.recipes import read_settings
+from coevo.run import Run
 from coevo.seeds import game_seeds
 from coevo.soccer.camera import FEATURES, camera_params, make_retina, object_count, see
 from coevo.soccer.drive import action_set
@@ -80,3 +85,30 @@ def test_the_variation_of_a_generation(benchmark, settings):
     assert len(children) == settings.gp.population
     best = min(parents, key=lambda parent: parent.fitness.values)
     assert np.array_equal(codes_of(children[0], functions), codes_of(best, functions))
+
+
+def burn(seconds):
+    until = time.process_time() + seconds
+    while time.process_time() < until:
+        pass
+
+
+def test_the_share_of_a_generation_that_is_not_games_is_told_apart(monkeypatch):
+    """Time that is burnt between games and files is told of where it was burnt."""
+    small = ("gp.population=4", "gp.tournament=2", "evaluation.games=1", "game.time_limit_steps=30")
+    save, play = Run.save_checkpoint, Evaluator.play
+
+    def slow_save(run, checkpoint):
+        burn(0.2)
+        save(run, checkpoint)
+
+    def slow_play(evaluator, matches, settings=None):
+        burn(0.6)
+        yield from play(evaluator, matches, settings)
+
+    monkeypatch.setattr(Run, "save_checkpoint", slow_save)
+    monkeypatch.setattr(Evaluator, "play", slow_play)
+    found = bookkeeping(["smoke"], 2, small)["smoke"]
+    assert found["games_cpu_seconds"] == pytest.approx(0.6, rel=0.3)
+    assert found["other_cpu_seconds"] == pytest.approx(0.2, rel=0.5)
+    assert found["share"] == pytest.approx(0.25, abs=0.1)

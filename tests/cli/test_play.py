@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+
 import pandas as pd
 
 from coevo.evolution.evaluation import group_seeds
@@ -31,6 +33,21 @@ def test_the_digest_is_that_of_the_games_and_of_nothing_else(coevo, small_run, o
 
     assert digest() == digest("--generation", "2") == digest("--seed", "1")
     assert len({digest(), digest("--seed", "2"), digest("--games", "4")}) == 3
+
+
+def test_games_are_not_kept_when_nobody_looks_at_them(coevo, small_run, one_object, monkeypatch):
+    trace, living, most = Arena.trace, [0], [0]
+
+    def counted(arena, programs, seed):
+        outcome, seen = trace(arena, programs, seed)
+        living[0] += 1
+        most[0] = max(most[0], living[0])
+        weakref.finalize(seen.states, lambda: living.__setitem__(0, living[0] - 1))
+        return outcome, seen
+
+    monkeypatch.setattr(Arena, "trace", counted)
+    assert one_object(coevo("play", small_run.path, "--json", "--games", "60"))["games"] == 60
+    assert 1 <= most[0] <= 3
 
 
 def test_games_of_play_are_never_those_of_evolution():

@@ -161,6 +161,64 @@ def test_output_that_cannot_be_written_is_told_without_a_traceback():
     assert "No space left on device" in done.stderr
 
 
+# Ctrl-C at the moment in which a module begins to be imported.
+PRESSED = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+class Pressed:
+    def find_spec(self, name, *_):
+        if name == os.environ["PRESSED_AT"]:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Pressed())
+from coevo.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize("module", ["click", "msgspec", "numpy", "coevo.skill.model"])
+def test_ctrl_c_while_importing_is_told_without_a_traceback(module):
+    done = subprocess.run(  # noqa: S603 - our own
+        [sys.executable, "-c", PRESSED, "skills"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PRESSED_AT": module},
+    )
+    assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "", "coevo: stopped")
+
+
+def test_a_terminal_that_lacks_letters_shows_their_numbers(tmp_path):
+    done = subprocess.run(  # noqa: S603 - our own
+        [sys.executable, "-c", PROGRAM, "evolve", str(tmp_path / "\N{SNOWMAN}.toml")],
+        capture_output=True,
+        check=False,
+        env={**os.environ, "PYTHONIOENCODING": "latin-1"},
+    )
+    said = done.stderr.decode("latin-1")
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert "\\u2603.toml" in said
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("closed", "arguments", "code"),
+    [
+        ("2>&-", ["skills", "--json"], 0),
+        ("2>&-", ["evolve", "smok"], 2),
+        ("2>&- 0<&-", ["skills", "--json"], 0),
+        ("1>&-", ["skills", "--json"], 0),
+    ],
+)
+def test_streams_that_are_closed_are_in_nobodys_way(closed, arguments, code):
+    command = ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-c", PROGRAM, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+    assert (done.returncode, done.stderr) == (code, "")
+    if not code and closed != "1>&-":
+        assert [one["name"] for one in json.loads(done.stdout)][:2] == ["shoot", "pass"]
+
+
 @pytest.mark.slow
 def test_numbers_of_a_run_are_those_of_another_process(lasting, start, best_programs):
     """Machine code from the cache, or compiled here, gives the same games."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+import shutil
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -193,6 +194,16 @@ def test_an_mp4_has_every_state_and_holds_the_last_one(tmp_path: Path, traces: l
     )
     assert np.abs(frames[0][20:].astype(int) - expected[20:]).mean() < 5.0
     assert [path.name for path in tmp_path.iterdir()] == ["v.mp4"]
+
+
+def test_a_name_with_a_colon_is_no_address(
+    tmp_path: Path, traces: list[Trace], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_video("12:30.mp4", game_recording(SETTINGS, traces[:1]), width=320)
+    assert [path.name for path in tmp_path.iterdir()] == ["12:30.mp4"]
+    shutil.copy("12:30.mp4", "copy.mp4")
+    assert cv2.VideoCapture("copy.mp4").get(cv2.CAP_PROP_FRAME_COUNT) == len(traces[0].states) + 24
 
 
 @pytest.mark.parametrize(("fps", "frames"), [(10.0, 15 + 8), (60.0, 81 + 48)])

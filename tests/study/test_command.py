@@ -11,7 +11,8 @@ import pytest
 from coevo.chain import Chain
 from coevo.cli import studying
 from coevo.recipes import recipe_path
-from coevo.run import open_run, rows_digest
+from coevo.run import open_run
+from coevo.run_reader import rows_digest
 from coevo.study import cluster, evolving
 from coevo.study.plan import read_plan
 
@@ -50,6 +51,16 @@ def test_a_row_says_what_coevo_evolve_says_of_that_run(done, coevo, tmp_path, re
         for skill in run.game.function_set(0).terminals:
             use = [one[f"chose_{skill}"] / one.filter(like="chose_").sum() for one in best]
             assert row[f"team{team}_use_{skill}"] == pytest.approx(sum(use) / len(use))
+
+
+def test_a_table_that_was_altered_is_told_by_a_check_and_made_anew(done, coevo, study_file):
+    assert coevo("check", done).code == 0
+    table, whole = done / "table.csv", (done / "table.csv").read_bytes()
+    table.write_bytes(whole.replace(b"0.", b"1.", 1))
+    said = coevo("check", done)
+    assert (said.code, f"damaged  {table}" in said.out) == (1, True)
+    assert coevo("study", study_file(), "--out", done).code == 0
+    assert table.read_bytes() == whole
 
 
 def forge(run):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import json
 
 import pytest
 
 from coevo.errors import InputError
 from coevo.recipes import recipe_path
-from coevo.study.folder import ROW, check_folder, open_study, row_bytes
+from coevo.study.folder import ROW, check_folder, check_study, finished_runs, open_study, row_bytes
+from coevo.study.folder import _read_row as read_row
 from coevo.study.plan import read_plan
 from coevo.study.registry import kind_named
 
@@ -67,6 +69,48 @@ def test_a_damaged_row_is_none(folder, plan, data):
     (folder.path / run.name).mkdir()
     (folder.path / run.name / ROW).write_bytes(data)
     assert folder.row(run) is None
+
+
+def test_a_digit_that_flipped_is_noticed_wherever_it_is(folder, plan):
+    """In the row of a run, which then is measured anew, and in the table, which is not read then."""
+    measured = kind_named("evolution").measured
+    rows = {run.name: {"share": 0.125 * number, "goals": number} for number, run in enumerate(plan.runs)}
+    for run in plan.runs:
+        (folder.path / run.name).mkdir()
+        (folder.path / run.name / ROW).write_bytes(row_bytes(measured, rows[run.name]))
+    folder.write_tables(rows, {})
+    assert [(path.name, row["share"]) for path, row in finished_runs(folder.path)] == [
+        (name, str(row["share"])) for name, row in rows.items()
+    ]
+    assert {finding.state for finding in check_study(folder.path)} == {"sound"}
+    whole = folder.table.read_bytes()
+    for old, new in (
+        (b"0.25", b"0.35"),
+        (b",3\n", b",2\n"),
+        (b"smoke,1", b"smoke,0"),
+        (b"fixed-seed1", b"fixed-seed0"),
+    ):
+        folder.table.write_bytes(whole.replace(old, new, 1))
+        with pytest.raises(InputError, match=r"table\.csv is damaged.*the same 'coevo study' makes it anew"):
+            finished_runs(folder.path)
+        assert [finding.name for finding in check_study(folder.path) if finding.state == "damaged"] == ["table.csv"]
+    folder.table.write_bytes(whole)
+    path = folder.path / plan.runs[3].name / ROW
+    path.write_bytes(path.read_bytes().replace(b"0.375", b"0.378"))
+    assert folder.row(plan.runs[3]) is None
+    with pytest.raises(InputError, match="does not tell what the run came to"):
+        finished_runs(folder.path)
+    assert f"{plan.runs[3].name}/{ROW}" in {of.name for of in check_study(folder.path) if of.state == "damaged"}
+    path.unlink()  # as in tables of which nothing else was kept
+    assert len(finished_runs(folder.path)) == len(rows)
+
+
+def test_a_row_of_before_has_no_digest_and_counts(tmp_path):
+    told = json.loads(row_bytes(["robots"], {"share": 0.5}))
+    assert len(told.pop("sha256")) == 64
+    path = tmp_path / ROW
+    path.write_text(json.dumps(told), encoding="utf-8")
+    assert read_row(path) == (["robots"], {"share": 0.5})
 
 
 def test_a_row_counts_only_with_the_whole_run_and_all_that_is_asked(folder, plan, monkeypatch):

@@ -17,10 +17,13 @@ from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
 
-from folders import crashes, damages, finish, full_disks, links, small
+from damage import damages
+from folders import crashes, finish, full_disks, links, small
 from inputs import archives, settings, trees
-from kills import commands, kills, races
+from kills import commands, kills, races, read_only
+from reading import readings
 from runner import Case, Tally, try_all
+from structured import structured
 
 from coevo import chain as digests
 from coevo import files, soundness
@@ -29,7 +32,7 @@ from coevo.game import prepare
 from coevo.run import create_run
 from coevo.run_reader import RunReader
 
-FAMILIES = ("inputs", "damage", "links", "crashes", "kills", "races")
+FAMILIES = ("inputs", "structured", "damage", "reading", "links", "crashes", "kills", "races")
 
 
 def _skip_digest() -> None:
@@ -114,8 +117,8 @@ MUTATIONS: dict[str, tuple[Callable[[], None], tuple[str, ...]]] = {
 }
 
 
-def _cases(chosen: tuple[str, ...], scale: float, rng: random.Random, work: Path) -> Iterator[Case]:
-    """Yield all cases of the chosen families."""
+def _cases(chosen: tuple[str, ...], scale: float, names: str, rng: random.Random, work: Path) -> Iterator[Case]:
+    """Yield all cases of the chosen families; damage of files with such names only."""
 
     def folder(name: str) -> Path:
         (work / name).mkdir()
@@ -133,8 +136,12 @@ def _cases(chosen: tuple[str, ...], scale: float, rng: random.Random, work: Path
         made.append(settings(int(14_000 * scale), rng, folder("recipes")))
         made.append(trees(int(2_000 * scale) or 20, rng))
         made.append(archives(int(3_000 * scale) or 20, rng, folder("archives")))
+    if "structured" in chosen:
+        made.append(structured(int(6_000 * scale), rng, whole, folder("structured")))
     if "damage" in chosen:
-        made.append(damages(int(1_500 * scale) or 20, rng, runs, whole, folder("damages")))
+        made.append(damages(int(1_500 * scale) or 20, rng, runs, whole, folder("damages"), names))
+    if "reading" in chosen:
+        made.append(readings(int(1_200 * scale) or 20, rng, whole, folder("readings")))
     if "links" in chosen:
         made.append(links(runs, folder("links")))
     if "crashes" in chosen:
@@ -142,9 +149,10 @@ def _cases(chosen: tuple[str, ...], scale: float, rng: random.Random, work: Path
         made.append(full_disks(scale, whole, folder("disks")))
     all_of = commands(work, whole) if {"kills", "races"} & set(chosen) else []
     if "kills" in chosen:
-        made.append(kills(int(500 * scale) or 4, rng, all_of, folder("kills")))
+        made.append(kills(int(600 * scale) or 4, rng, all_of, folder("kills")))
+        made.append(read_only(int(60 * scale) or 1, rng, all_of, folder("read-only")))
     if "races" in chosen:
-        made.append(races(int(60 * scale) or 4, rng, all_of, folder("races")))
+        made.append(races(int(80 * scale) or 2, rng, all_of, folder("races")))
     return chain(*made)
 
 
@@ -171,6 +179,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), help="how many cases at a time")
     parser.add_argument("--only", action="append", choices=FAMILIES, help="one family; may be repeated")
+    parser.add_argument("--files", default="*", help="which files of runs are damaged, such as 'digests.txt'")
     parser.add_argument("--mutation", choices=MUTATIONS, help="take a part of the code away first: it must fail")
     given = parser.parse_args()
     chosen = tuple(given.only or FAMILIES)
@@ -181,9 +190,11 @@ def main() -> None:
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="coevo-attack-") as work:
         prepare(small(), lambda text: print(text, file=sys.stderr))
-        cases = _cases(chosen, given.scale, random.Random(given.seed), Path(work))
+        cases = _cases(chosen, given.scale, given.files, random.Random(given.seed), Path(work))
         tallies = try_all(cases, jobs=given.jobs, batch=8, tell=lambda text: print(text, file=sys.stderr, flush=True))
-    sys.exit(0 if _report(tallies, time.monotonic() - began) else 1)
+    sound = _report(tallies, time.monotonic() - began)
+    sys.stdout.flush()
+    os._exit(0 if sound else 1)  # what is left of pymunk would be taken apart after its library
 
 
 if __name__ == "__main__":

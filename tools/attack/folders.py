@@ -1,19 +1,16 @@
-"""Run folders: every file damaged in every way, links laid in them, and the machine stopped at every write."""
+"""Run folders: links laid in them, the machine stopped at every write, full disks."""
 
 from __future__ import annotations
 
 import errno
-import io
 import os
 import random
 import shutil
-import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from unittest import mock
 
-from inputs import mutated
 from runner import Case
 
 from coevo.config import EvolutionSettings, check_experiment, override
@@ -22,9 +19,8 @@ from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
 from coevo.recipes import read_recipe
 from coevo.run import create_run, open_run
-from coevo.soundness import check_run
 
-__all__ = ["SMALL", "crashes", "damages", "finish", "full_disks", "links", "results_of", "small"]
+__all__ = ["SLOW", "SMALL", "crashes", "ended", "finish", "full_disks", "links", "results_of", "small"]
 
 SMALL = (
     "gp.population=6",
@@ -34,7 +30,7 @@ SMALL = (
     "evaluation.games=2",
     "game.time_limit_steps=60",
 )
-_SLOW = 60.0  # seconds for a case that plays games
+SLOW = 60.0  # seconds for a case that plays games
 
 
 def small(*changes: str) -> EvolutionSettings:
@@ -55,107 +51,11 @@ def results_of(path: Path) -> dict[str, bytes]:
     return {str(name.relative_to(path)): name.read_bytes() for name in names if name.exists()}
 
 
-def _ended(path: Path, whole: Mapping[str, bytes]) -> str:
+def ended(path: Path, whole: Mapping[str, bytes]) -> str:
+    """Return in words in what a run differs from a whole one; "" if in nothing."""
     found = results_of(path)
     wrong = sorted(name for name in {*found, *whole} if found.get(name) != whole.get(name))
     return f"{', '.join(wrong)}: other bytes" if wrong else ""
-
-
-# ------------------------------------------------------------------------------------------------ damage
-
-
-def damages(count: int, rng: random.Random, runs: Mapping[str, Path], whole: Path, folder: Path) -> Iterator[Case]:
-    """Yield damage of each file of each kind of run: going on refuses it, or comes to the same bytes.
-
-    Args:
-        runs: finished, and stopped half way, by name.
-        whole: the finished one.
-        folder: for copies.
-    """
-    ways = ("flip", "cut", "empty", "lost", "foreign", "fifo", "link", "rewritten", "swapped")
-    all_of = [
-        (kind, name, way)
-        for kind, path in runs.items()
-        for name in sorted(str(one.relative_to(path)) for one in path.rglob("*") if one.is_file())
-        for way in ways
-    ]
-    rng.shuffle(all_of)
-    for number in range(count):
-        kind, name, way = all_of[number % len(all_of)]
-        seed = rng.getrandbits(64)
-        yield Case(
-            f"damage ({kind})",
-            f"{name}, {way}, seed {seed}",
-            lambda a=runs[kind], n=name, w=way, s=seed: _damage(a, n, w, random.Random(s), whole, folder / str(s)),
-            _SLOW,
-        )
-
-
-def _damage(source: Path, name: str, way: str, rng: random.Random, whole: Path, copy: Path) -> str:
-    shutil.copytree(source, copy)
-    try:
-        changed = _spoil(copy, name, way, rng)
-        if not changed:
-            return ""
-        before = results_of(whole)
-        run = None
-        with suppress(InputError):
-            run = open_run(copy)
-        told = run is None or any(finding.state != "sound" for finding in check_run(run))
-        if not told and name != "config.toml" and not name.startswith("results/"):
-            return "the damage is not told by a check"
-        with suppress(InputError):  # what is read is sound, or refused
-            if run is not None:
-                _ = run.individuals, run.generations, run.tree("r0", 0)
-        try:
-            finish(copy)
-        except InputError:
-            return "" if told else "a check told nothing, but the run is refused"
-        return _ended(copy, before)
-    finally:
-        shutil.rmtree(copy)
-
-
-def _spoil(copy: Path, name: str, way: str, rng: random.Random) -> bool:
-    path = copy / name
-    data = path.read_bytes()
-    match way:
-        case "flip":
-            at = rng.randrange(len(data)) if data else 0
-            path.write_bytes(data[:at] + bytes([data[at] ^ (1 << rng.randrange(8))]) + data[at + 1 :] if data else b"x")
-        case "cut":
-            path.write_bytes(data[: rng.randrange(len(data))] if data else b"x")
-        case "empty":
-            path.write_bytes(b"")
-        case "lost":
-            path.unlink()
-        case "foreign":
-            path.write_bytes(rng.randbytes(rng.randrange(2000)))
-        case "fifo":
-            path.unlink()
-            os.mkfifo(path)
-            return True
-        case "link":
-            path.unlink()
-            path.symlink_to("/dev/zero")
-            return True
-        case "rewritten":
-            path.write_bytes(mutated(data, rng))
-        case _:
-            others = sorted(one for one in copy.rglob("*") if one.is_file() and one.suffix == path.suffix)
-            path.write_bytes(rng.choice(others).read_bytes())
-    return not path.exists() or not _as_good(path.name, path.read_bytes(), data)
-
-
-def _as_good(name: str, found: bytes, before: bytes) -> bool:
-    """Tell whether bytes that differ mean the same: the times in an archive, say, mean nothing."""
-    if found == before or not name.endswith(".npz"):
-        return found == before
-    try:
-        with zipfile.ZipFile(io.BytesIO(found)) as one, zipfile.ZipFile(io.BytesIO(before)) as other:
-            return {n: one.read(n) for n in one.namelist()} == {n: other.read(n) for n in other.namelist()}
-    except Exception:  # noqa: BLE001 - it is damaged
-        return False
 
 
 # ------------------------------------------------------------------------------------------------ links
@@ -183,7 +83,7 @@ def links(runs: Mapping[str, Path], folder: Path) -> Iterator[Case]:
                     lambda s=source, n=name, h=hard, k=kind: _link(
                         s, n, folder / f"{k}-{n.replace('/', '-')}-{h}", hard=h
                     ),
-                    _SLOW,
+                    SLOW,
                 )
 
 
@@ -285,7 +185,7 @@ def crashes(scale: float, rng: random.Random, whole: Path, folder: Path) -> Iter
     rng.shuffle(states)
     for (how, step), files in states[: max(12, int(len(states) * min(1.0, scale * 4)))]:
         place = folder / f"{how}-{step}".replace(" ", "-")
-        yield Case("crash points", f"{how}, step {step}", lambda f=files, p=place: _crash(f, source, p, whole), _SLOW)
+        yield Case("crash points", f"{how}, step {step}", lambda f=files, p=place: _crash(f, source, p, whole), SLOW)
 
 
 def _crash(files: Mapping[str, bytes], source: Path, place: Path, whole: Path) -> str:
@@ -302,7 +202,7 @@ def _crash(files: Mapping[str, bytes], source: Path, place: Path, whole: Path) -
             finish(place)
         except InputError as error:
             return f"a run that lost nothing cannot go on: {error}"
-        return _ended(place, results_of(whole))
+        return ended(place, results_of(whole))
     finally:
         shutil.rmtree(place, ignore_errors=True)
 
@@ -312,7 +212,7 @@ def full_disks(scale: float, whole: Path, folder: Path) -> Iterator[Case]:
     for number in range(int(30 * min(1.0, 4 * scale)) or 2):
         for code in (errno.ENOSPC, errno.EROFS, errno.EIO):
             place = folder / f"{errno.errorcode[code]}-{number}"
-            yield Case("full disks", place.name, lambda n=number, c=code, p=place: _full(n, c, p, whole), _SLOW)
+            yield Case("full disks", place.name, lambda n=number, c=code, p=place: _full(n, c, p, whole), SLOW)
 
 
 def _full(number: int, code: int, place: Path, whole: Path) -> str:
@@ -333,6 +233,6 @@ def _full(number: int, code: int, place: Path, whole: Path) -> str:
         except InputError:
             pass
         finish(place)
-        return _ended(place, results_of(whole))
+        return ended(place, results_of(whole))
     finally:
         shutil.rmtree(place, ignore_errors=True)

@@ -31,12 +31,14 @@ class Case(NamedTuple):
     family, name: for the table, and to find it again.
     attempt: returns what went wrong, "" if nothing did; an ``InputError`` is a refusal, and right.
     seconds: how long it may take.
+    count: how many things it tries.
     """
 
     family: str
     name: str
     attempt: Callable[[], str | None]
     seconds: float = MOST_SECONDS
+    count: int = 1
 
 
 @dataclass
@@ -141,7 +143,7 @@ def _enter(tallies: dict[str, Tally], lot: list[Case], told: bytes, status: int)
     lines = [json.loads(line) for line in told.splitlines()]
     for number, case in enumerate(lot):
         tally = tallies.setdefault(case.family, Tally())
-        tally.tried += 1
+        tally.tried += case.count
         if number >= len(lines):
             tally.failures.append((case.name, f"the process ended with status {status}"))
             continue  # those after it were not tried, and are told of as well

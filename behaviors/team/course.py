@@ -24,6 +24,7 @@ from behaviors.team.recipe import TeamRecipe, TurnSettings, model_recipe
 from behaviors.team.scene import COUNTED, Member, run_games, team_scene, unlearned
 from behaviors.team.tables import rates, turn_rows
 from behaviors.trials.kernels import Results
+from coevo.errors import InputError
 from coevo.seeds import SetStream, game_seed, generator
 from coevo.skill import Skill
 from coevo.skill.model import pack_models, unpack_models

@@ -18,6 +18,7 @@ from behaviors.tabular.decisions import most_decisions
 from behaviors.tabular.table import Table, all_states, pack_table, unpack_table
 from behaviors.trials.kernels import Results
 from behaviors.trials.scene import Scene, no_results
+from behaviors.trials.task import CHANNELS
 from coevo.skill.model import MOST_STATES
 
 __all__ = ["Check", "Practice", "Standing", "joined"]
@@ -90,7 +91,12 @@ class Standing:
             raise ValueError("it does not tell where it stands")
         if any(type(one) is not dict for one in told[-1]):
             raise ValueError("what a check found is lost")
-        if any(column.shape != self.results.ends.shape or column.dtype != np.int64 for column in self.results):
+        *columns, counts = self.results
+        trials = len(columns[0])
+        told = [column.shape for column in columns] + [(*counts.shape[:1], *counts.shape[2:])]
+        if told != [(trials,)] * len(columns) + [(trials, CHANNELS)] or any(
+            c.dtype != np.int64 for c in self.results
+        ):
             raise ValueError("results of trials are of other shapes")
         if len(self.best) not in (0, len(self.tables)):
             raise ValueError("a table that was kept is lost")

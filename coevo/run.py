@@ -103,8 +103,8 @@ class Run(RunReader):
         lines = [",".join(header), *earlier, *(lines_of(generations, records) if records else [])]
         save_lines(self.path / name, lines)
 
-    def table_lines(self, name: str, generations: int) -> list[str]:
-        """Return a table's lines of the first generations, without its header.
+    def table_lines(self, name: str, generations: int | None = None) -> list[str]:
+        """Return a table's lines of the first generations, of all unless a number is given, without its header.
 
         Raises:
             InputError: it is not there, or they are not those that were written.

@@ -111,7 +111,7 @@ def _of_tables(run: Run, generations: int) -> Iterator[Finding]:
             yield Finding(name, "missing")
             continue
         try:
-            run.table_lines(name, generations)
+            run.table_lines(name)
         except InputError as error:
             yield Finding(name, "damaged", str(error))
         else:

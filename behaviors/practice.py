@@ -94,9 +94,7 @@ class Standing:
         *columns, counts = self.results
         trials = len(columns[0])
         told = [column.shape for column in columns] + [(*counts.shape[:1], *counts.shape[2:])]
-        if told != [(trials,)] * len(columns) + [(trials, CHANNELS)] or any(
-            c.dtype != np.int64 for c in self.results
-        ):
+        if told != [(trials,)] * len(columns) + [(trials, CHANNELS)] or any(c.dtype != np.int64 for c in self.results):
             raise ValueError("results of trials are of other shapes")
         if len(self.best) not in (0, len(self.tables)):
             raise ValueError("a table that was kept is lost")

@@ -46,6 +46,7 @@ _COUNTS = {
 }
 _WHO = ("run", "recipe", "seed")
 _BY_FITNESS = "fitness.kind"
+_SOURCE = "dissertation-"
 
 # Tables 6.4 to 6.6: setting, fitness, robot; depths of the best, the average and the worst individual, then nodes.
 TABLES: dict[tuple[str, str, str], tuple[tuple[float, float, float], tuple[float, float, float]]] = {
@@ -100,6 +101,11 @@ class Evolved:
         """The kind of its fitness."""
         return str(self.run.config.fitness.kind)
 
+    def source(self, robot: str) -> tuple[Sequence[float], Sequence[float]]:
+        """Return depths and nodes of ``TABLES``; nothing of a recipe that is not the dissertation's."""
+        key = self.setting, self.fitness, robot
+        return TABLES.get(key, ((), ())) if self.row["recipe"].startswith(_SOURCE) else ((), ())
+
     def told(self, column: str) -> float:
         """Return a column of the study's table, NaN where the run has nothing there."""
         return float(self.row.get(column) or "nan")
@@ -126,7 +132,7 @@ def read_conditions(folder: Path) -> Conditions:
     for path, row in finished_runs(folder):
         names = list(row)
         varied = {name: row[name] for name in names[: names.index("run")] if name not in _WHO}
-        one = Evolved(row["recipe"].removeprefix("dissertation-"), varied, row, open_run(path))
+        one = Evolved(row["recipe"].removeprefix(_SOURCE), varied, row, open_run(path))
         if not one.run.is_finished:
             raise InputError(f"{path} is in the table of the study, but not finished; run 'coevo study' again")
         found.setdefault(one.condition, []).append(one)
@@ -142,7 +148,7 @@ def sizes(conditions: Conditions) -> Report:
     for name, runs in conditions.items():
         for robot in runs[0].run.evolving.values():
             last = [(rows := one.run.generations)[rows["robot"] == robot].iloc[-1] for one in runs]
-            source = TABLES.get((runs[0].setting, runs[0].fitness, robot), ((), ()))
+            source = runs[0].source(robot)
             for what, theirs in zip(("depth", "nodes"), source, strict=True):
                 ours = [mean_words([float(row[f"{what}_{which}"]) for row in last]) for which in _STATISTICS]
                 told.append([name, str(len(runs)), robot, what, *ours, ", ".join(f"{number:g}" for number in theirs)])

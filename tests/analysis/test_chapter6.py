@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -66,6 +67,12 @@ def test_sizes_are_those_of_the_trees_beside_the_table_of_the_source(folder):
         assert row["in the source"] == ", ".join(f"{number:g}" for number in theirs)
 
 
+def test_trees_of_a_preset_are_beside_no_table_of_the_source(folder):
+    ((name, runs),) = read_conditions(folder).items()
+    preset = [replace(one, row={**one.row, "recipe": "three-learners"}) for one in runs]
+    assert {row["in the source"] for row in rows_of(sizes({name: preset}))} == {""}
+
+
 def test_what_the_best_did_is_told_per_game(folder):
     conditions = read_conditions(folder)
     (runs,) = conditions.values()
@@ -117,7 +124,7 @@ def test_the_command_writes_tables_and_curves(folder, coevo, tmp_path):
 
 
 def test_a_run_that_is_not_finished_is_named(small_settings, tmp_path):
-    create_run(tmp_path / "begun", small_settings())
-    (tmp_path / "table.csv").write_text("recipe,seed,run\nsmoke,0,begun\n", encoding="utf-8")
-    with pytest.raises(InputError, match="begun is in the table of the study, but not finished"):
+    create_run(tmp_path / "begun-seed0", small_settings())
+    (tmp_path / "table.csv").write_text("recipe,seed,run\nsmoke,0,begun-seed0\n", encoding="utf-8")
+    with pytest.raises(InputError, match="begun-seed0 is in the table of the study, but not finished"):
         read_conditions(tmp_path)

@@ -93,16 +93,35 @@ class RunReader(Folder):
         """
         import pandas as pd
 
-        path, header = self.path / "generations.csv", columns(self.game.counts)
+        path = self.path / "generations.csv"
         if not self.finished and not path.exists():
-            return pd.DataFrame(columns=header)
+            return pd.DataFrame(columns=columns(self.game.counts))
         try:
             if self.chain is None:
                 return pd.read_csv(io.BytesIO(read_whole(path)))
-            lines = [",".join(header), *self.rows_of(path.name, header)]
-            return pd.read_csv(io.StringIO("\n".join(lines)))
+            return pd.read_csv(io.StringIO("\n".join(self._lines_as_written(path))))
         except (ValueError, OSError) as error:
             raise InputError(f"cannot read {path}: {error}") from None
+
+    def _lines_as_written(self, path: Path) -> list[str]:
+        """Return the lines of ``generations.csv``, compared with the chain; no code of one's own runs for that."""
+        chain, (first, *lines) = self.chain or Chain(), read_text(path, MOST_FILE_BYTES).splitlines() or [""]
+        remedy = f"delete it; 'coevo resume {self.path}' makes it anew"
+        header, fixed = first.split(","), len(columns(())) // 2
+        counts = header[fixed : len(header) - len(columns(())) + fixed]
+        known = self._table(0).column_names if self.finished else counts
+        if header != columns(counts) or counts != [name for name in known if name in counts]:
+            raise InputError(f"{path} is damaged: its first line does not say what was counted; {remedy}")
+        parts: dict[str, list[str]] = {}
+        for line in lines:
+            parts.setdefault(line.partition(",")[0], []).append(line)
+        wanted = [str(number) for number in range(max(self.finished, len(parts)))]  # a kill may have left one more
+        for number in wanted:
+            if rows_digest(parts.get(number, [])) != chain.digests.get(f"{path.name} {number}"):
+                raise InputError(f"{path} is damaged: its rows of generation {number} were altered; {remedy}")
+        if lines != [line for number in wanted for line in parts[number]]:
+            raise InputError(f"{path} is damaged: its rows are in another order; {remedy}")
+        return [first, *lines]
 
     def rows_of(self, name: str, header: Sequence[str], generations: int | None = None) -> list[str]:
         """Return a table's lines of the first generations, of all unless a number is given, without its header.
@@ -167,14 +186,14 @@ class RunReader(Folder):
         """Refuse files that were altered since the run was begun; of an older run that is not known.
 
         Args:
-            names: of files; none for those that decide what everything else means, and is called: settings, code of
-                one's own, and cards of skills. Skills themselves are compared when they are loaded.
+            names: of files; none for those that decide what everything else means: settings, and cards of skills.
+                Skills are compared when they are loaded, and code of one's own before it is called.
 
         Raises:
             InputError: one was altered or is lost.
         """
         digests = (self.chain or Chain()).digests
-        for name in names or [one for one in digests if one.endswith(("config.toml", ".py", "/card.json"))]:
+        for name in names or [one for one in digests if one.endswith(("config.toml", "/card.json"))]:
             why = why_unsound(self.path, name, digests[name]) if name in digests else ""
             if why:
                 raise InputError(why)
@@ -196,7 +215,14 @@ class RunReader(Folder):
 
     @cached_property
     def game(self) -> Game:
-        """The game that is played; one of one's own is imported when this is first asked for."""
+        """The game that is played; one of one's own is imported when this is first asked for.
+
+        Raises:
+            InputError: its code was altered since the run was begun, or fails.
+        """
+        own = [name for name in (self.chain or Chain()).digests if name.endswith(".py")]
+        if own:
+            self.require_as_begun(*own)
         return make_game(self.config, self.folders)
 
     def level_records(self, generations: int) -> list[LevelRecord]:
@@ -220,7 +246,8 @@ class RunReader(Folder):
 
     def game_of(self, generation: int) -> Game:
         """Return the game that was played in a generation: ``game``, on its level if there are levels."""
-        return self.game if self.config.levels is None else make_game(self.config_of(generation), self.folders)
+        game = self.game
+        return game if self.config.levels is None else make_game(self.config_of(generation), self.folders)
 
     @cached_property
     def evolving(self) -> dict[int, str]:

@@ -11,6 +11,7 @@ from behaviors.practice import Practice, Standing, joined
 from behaviors.settings import LearningSettings
 from behaviors.tabular.table import make_table, with_room
 from behaviors.trials.kernels import Results
+from behaviors.trials.task import CHANNELS
 
 
 class Scene:
@@ -33,7 +34,8 @@ class Scene:
         for mind, step in zip(self.minds, (1.0, 10.0), strict=True):
             mind.table.values[:] += step * count
         numbers = np.arange(first, first + count)
-        return Results(*(numbers + k for k in range(len(Results._fields))))
+        columns = len(Results._fields) - 1
+        return Results(*(numbers + k for k in range(columns)), np.zeros((count, 0, CHANNELS), np.int64))
 
 
 def practice_of(scores, *, total=1000, block=100, early=False, learners=(0, 1), **rule):  # noqa: ANN003 - settings

@@ -111,6 +111,7 @@ def test_opponents_that_cannot_be_met_are_refused_before_anything_is_made(
 ):
     unfinished = shutil.copytree(copied_run, tmp_path / "unfinished")
     (unfinished / "individuals.parquet" / "part-00002.parquet").unlink()
+    (unfinished / "checkpoint.npz").unlink()
     sets = [word.replace("OTHER", str(copied_run)).replace("UNFINISHED", str(unfinished)) for word in change]
     options = [part for word in sets for part in ("--set", word)]
     said = coevo("evolve", small_run.path / "config.toml", *options, "--out", tmp_path / "run")

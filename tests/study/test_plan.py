@@ -202,7 +202,7 @@ WRONG = {
         "smoke fitness.kind=absent:f: fitness.kind: there is no module 'absent'",
     ),
     "a schedule": ('recipes = ["chapter3/short"]', "", "", "no recipe 'chapter3/short'"),
-    "itself": ('recipes = ["mine.toml"]', "", "", "recipes of the kind 'evolution' or 'skill', got 'study'"),
+    "itself": ('recipes = ["mine.toml"]', "", "", "recipes of the kind 'evolution' or 'skill' or 'team', got 'study'"),
     "too many": (f"{SMOKE}\nseeds = 2000", f'"gp.elite" = {list(range(60))}', "", "expected at most 100000 runs"),
 }
 

@@ -30,6 +30,7 @@ __all__ = [
     "card_bytes",
     "card_of",
     "go_on",
+    "go_on_while_wanted",
     "held_folder",
     "is_learned",
     "write_learned",
@@ -100,6 +101,27 @@ def go_on(learning: UnderWay[_Block_co], checkpoint: Path, report: Callable[[_Bl
             wait = max(_SAVE_EVERY_S, (saved - began) / _SAVE_SHARE)
     with writing(checkpoint.parent):
         learning.save(checkpoint)  # what follows takes a while, and what is learned is not to be lost by it
+
+
+def go_on_while_wanted(learning: UnderWay[Any], folder: Path, tick: Callable[[], None]) -> None:
+    """Learn to the end in a study, or save and leave when it is not wanted any more.
+
+    Args:
+        learning: under way.
+        folder: of what is learned; its checkpoint is kept there.
+        tick: called after each block of trials; it raises when the learning is to be left.
+    """
+    checkpoint = folder / CHECKPOINT
+
+    def leave_if_unwanted(_block: Any) -> None:
+        try:
+            tick()
+        except Exception:
+            with writing(folder):
+                learning.save(checkpoint)
+            raise
+
+    go_on(learning, checkpoint, leave_if_unwanted)
 
 
 def write_learned(

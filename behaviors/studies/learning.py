@@ -12,7 +12,15 @@ from msgspec import UNSET
 
 from behaviors.cards import make_card
 from behaviors.curriculum import check_curriculum
-from behaviors.learned import CARD_GAMES, CHECKPOINT, SKILL, card_of, go_on, held_folder, write_learned, writing
+from behaviors.learned import (
+    CARD_GAMES,
+    CHECKPOINT,
+    SKILL,
+    card_of,
+    go_on_while_wanted,
+    held_folder,
+    write_learned,
+)
 from behaviors.learning import Learning, warm_up
 from behaviors.lpm import PersistentExcitationWarning
 from behaviors.recipe import Recipe, named_recipes, of_seed
@@ -85,16 +93,7 @@ def _learned_there(recipe: Recipe, folder: Path, tick: Callable[[], None]) -> di
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PersistentExcitationWarning)  # the recipe asks for it, again and again
         learning = _under_way(recipe, checkpoint)
-
-    def leave_if_unwanted(_share: float) -> None:
-        try:
-            tick()
-        except Exception:
-            with writing(folder):
-                learning.save(checkpoint)
-            raise
-
-    go_on(learning, checkpoint, leave_if_unwanted)
+    go_on_while_wanted(learning, folder, tick)
     skill = learning.skill()
     card = make_card(recipe, skill, games=CARD_GAMES, seed=StartsSeed.CARDS)
     card = write_learned(folder, learning, skill, card, recipe)

@@ -10,12 +10,12 @@ from typing import Any
 import msgspec
 
 from behaviors.frequencies import FREQUENCIES
-from behaviors.learned import CHECKPOINT, go_on, held_folder, writing
+from behaviors.learned import CHECKPOINT, go_on_while_wanted, held_folder, writing
 from behaviors.team.course import TeamCourse
 from behaviors.team.recipe import TeamRecipe
 from behaviors.team.scene import run_games, team_scene, unlearned
 from behaviors.team.tables import measured, rates, scored
-from behaviors.trials.kernels import Results, run_trials
+from behaviors.trials.kernels import run_trials
 from coevo.compiled import is_compiled
 from coevo.config import FileSettings, check, file_kind, to_toml
 from coevo.errors import InputError
@@ -91,16 +91,7 @@ def learn_team(recipe: TeamRecipe, folder: Path, tick: Callable[[], None]) -> di
     with held_folder(folder):
         checkpoint = folder / CHECKPOINT
         course = _under_way(recipe, checkpoint)
-
-        def leave_if_unwanted(_found: Results) -> None:
-            try:
-                tick()
-            except Exception:
-                with writing(folder):
-                    course.save(checkpoint)
-                raise
-
-        go_on(course, checkpoint, leave_if_unwanted)
+        go_on_while_wanted(course, folder, tick)
         told = _summary(recipe, course)
         with writing(folder):
             write_whole(folder / FREQUENCIES, table_bytes(course.frequencies()))

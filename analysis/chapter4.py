@@ -8,7 +8,7 @@ are compared within seeds.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.chapter4_compared import between_words, common, faster, geometric, needs, of_medians, ratios
+from analysis.chapter4_equal import at_equal_trials
 from analysis.chapter4_figures import figures, shares_met
 from analysis.chapter4_runs import Arms, Learned, read_arms
 from analysis.charts import altair
@@ -49,12 +50,22 @@ def worlds(arms: Mapping[str, Sequence[Learned]]) -> dict[str, list[str]]:
 
 def in_all(arms: Arms) -> Report:
     """Return what each arm needed in all: medians over sets, with how many met the criteria on the highest level."""
-    header = ["arm", "sets", "met", "trials", "net of the floor", "million steps", "hours of the robot", "states"]
+    header = [
+        "arm",
+        "sets",
+        "met",
+        "trials",
+        "net of the floor",
+        "million steps",
+        "with the models'",
+        "hours of the robot",
+    ]
+    header.append("states")
     rows: Rows = []
     for name, runs in arms.items():
         met = sum(run.met > 0 for run in runs)
         told = [between_words(of_medians(needs(runs, what)), 0) for what in ("trials", "net")]
-        told.append(between_words(of_medians(needs(runs, "steps") / 1e6)))
+        told += [between_words(of_medians(needs(runs, what) / 1e6)) for what in ("steps", "samples")]
         told.append(between_words(of_medians(needs(runs, "hours")), 1))
         states = np.median([float(run.row["states"]) for run in runs])
         rows.append([name, str(len(runs)), str(met), *told, f"{states:,.0f}"])
@@ -161,7 +172,16 @@ def periods(arms: Arms) -> Report:
 
 def comparisons(arms: Arms) -> Report:
     """Return by what factor arms need more trials than the two with all axes, levels and none, in the same world."""
-    header = ["arms", "sets", "trials", "geometric mean", "net", "steps", "probability of fewer trials"]
+    header = [
+        "arms",
+        "sets",
+        "trials",
+        "geometric mean",
+        "net",
+        "steps",
+        "with the models'",
+        "probability of fewer trials",
+    ]
     rows: Rows = []
     for prefix, names in worlds(arms).items():
         for base in [prefix + name for name in _BASES if prefix + name in names]:
@@ -177,11 +197,11 @@ def _compared(arms: Arms, name: str, base: str) -> list[str]:
     mine, other = common([arms[name], arms[base]])
     if not mine:
         return [f"{name} / {base}", "0"]
-    found = {what: ratios(powers, arms, what) for what in ("trials", "net", "steps")}
+    found = {what: ratios(powers, arms, what) for what in ("trials", "net", "steps", "samples")}
     told = {what: between_words(of_medians(values)) for what, values in found.items()}
     share = "{:.2f} [{:.2f}, {:.2f}]".format(*faster(mine, other))
     row = [f"{name} / {base}", str(len(mine)), told["trials"], _mean(found["trials"])]
-    return [*row, told["net"], told["steps"], share]
+    return [*row, told["net"], told["steps"], told["samples"], share]
 
 
 def _mean(values: NDArray[np.float64]) -> str:
@@ -241,7 +261,8 @@ def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> Non
     del quiet  # it shows no progress
     altair()
     arms = read_arms(folder)
-    parts = (in_all, comparisons, two_by_two, held, beside_the_dissertation, at_the_end, success, periods, levels)
+    parts: tuple[Callable[[Arms], Report], ...] = (in_all, comparisons, two_by_two, held, beside_the_dissertation)
+    parts += (at_equal_trials, at_the_end, success, periods, levels)
     shown = {name: one for part in parts for name, one in part(arms).items()}
     curves: Report = {"shares-met": frame_table(shares_met(arms))}
     write_report(out or folder / "report", shown, curves, figures(arms), as_json=as_json)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from analysis.chapter3_figures import line_chart
+from analysis.chapter4_equal import means_of_checks
 from analysis.chapter4_runs import Arms, Learned
 
 if TYPE_CHECKING:
@@ -92,4 +93,8 @@ def figures(arms: Arms) -> dict[str, alt.LayerChart]:
     found["shares-met.svg"] = line_chart(
         staircases[staircases["arm"].isin(chosen)], x="trial", y="share", by="arm", titles=titles
     )
+    checks = means_of_checks(arms)
+    if len(checks):
+        titles = ("greedy policy at the highest k, mean over sets", "trial", "share of 300 trials")
+        found["greedy-success.svg"] = line_chart(checks, x="trial", y="share", by="arm", titles=titles)
     return found

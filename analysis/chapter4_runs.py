@@ -55,6 +55,7 @@ class Learned:
         settings: of its curriculum.
         blocks: rows of ``observations.csv``.
         events: rows of ``levels.csv``.
+        checks: rows of ``checks.csv``, none where nothing was checked.
     """
 
     arm: str
@@ -64,6 +65,7 @@ class Learned:
     settings: Mapping[str, Any]
     blocks: pd.DataFrame
     events: Sequence[Mapping[str, str]]
+    checks: pd.DataFrame
 
     @property
     def top(self) -> int:
@@ -118,7 +120,8 @@ class Learned:
         Who did not would have needed more than it had, or would never have done it.
 
         Args:
-            what: ``trials``, ``net`` (trials less the floor), ``steps``, or ``hours`` of the robot's own time.
+            what: ``trials``, ``net`` (trials less the floor), ``steps``, ``samples`` (steps, with those that the
+                models come from), or ``hours`` of the robot's own time.
         """
         if what in ("trials", "net"):
             floor = self.floor if what == "net" else 0
@@ -127,7 +130,7 @@ class Learned:
         steps = self.blocks["steps"][until]
         if what == "hours":
             steps = steps * self.blocks["level"][until].map(self._step_hours)
-        found = float(steps.sum())
+        found = float(steps.sum()) + (float(self.row.get("model_steps") or 0) if what == "samples" else 0.0)
         return (found, found) if self.met > 0 else (found, np.inf)
 
     @cached_property
@@ -168,6 +171,7 @@ def _read_run(path: Path, arm: str, row: Mapping[str, str]) -> Learned:
         blocks = pd.read_csv(path / "observations.csv")
         with (path / "levels.csv").open(encoding="utf-8", newline="") as file:
             events = list(csv.DictReader(file))
+        checks = pd.read_csv(path / "checks.csv") if (path / "checks.csv").exists() else pd.DataFrame()
     except (OSError, ValueError) as error:
         raise InputError(f"{path} is damaged ({error}); remove it, and run 'coevo study' again") from None
-    return Learned(arm, int(row["seed"]), row, int(recipe["trials"]), recipe["curriculum"], blocks, events)
+    return Learned(arm, int(row["seed"]), row, int(recipe["trials"]), recipe["curriculum"], blocks, events, checks)

@@ -44,7 +44,8 @@ def mean_words(values: Sequence[float], *, least: float = 0.0, most: float = np.
     if not len(values):
         return ""
     mean, low, high = mean_interval(values)
-    return f"{mean:.3f}" + (f" [{max(least, low):.3f}, {min(most, high):.3f}]" if len(values) > 1 else "")
+    told = [f"{round(value, 3) + 0.0:.3f}" for value in (mean, max(least, low), min(most, high))]  # no "-0.000"
+    return told[0] + (f" [{told[1]}, {told[2]}]" if len(values) > 1 else "")
 
 
 def frame_table(frame: pd.DataFrame) -> tuple[list[str], Rows]:

@@ -27,12 +27,13 @@ from coevo.seeds import SkillStream, generator
 from coevo.skill import ObjectModel
 from coevo.study import table_bytes
 
-__all__ = ["GREEDY", "RATES", "TABLES", "Curriculum", "check_curriculum", "growth_order"]
+__all__ = ["CHECKS", "GREEDY", "RATES", "TABLES", "Curriculum", "check_curriculum", "growth_order"]
 
 Models = tuple[ObjectModel, ...]
 RATES = ("success", "collisions", "failures", "timeouts")  # shares of trials
 GREEDY = "greedy_"  # before one of these: of as many trials of the greedy policy as a check has, on the same level
-TABLES = ("levels.csv", "observations.csv")  # beside the skill: what moved, and each observation
+CHECKS = "checks.csv"  # beside the skill: what its checks found, in the world of the recipe itself
+TABLES = ("levels.csv", "observations.csv")  # what moved, and each observation
 _TABLE = "curriculum"
 # What a level may change: what happens and how it is learned, not who learns.
 _ALLOWED = (
@@ -124,12 +125,16 @@ class Curriculum:
         levels: of ``check_curriculum``.
         models: of its objects, with all their axes.
         seed: of the learning.
+        model_steps: how many steps of random actions the models come from.
 
     Raises:
         InputError: there are not so many axes as are to be added.
     """
 
-    def __init__(self, recipe: Recipe, levels: Sequence[Recipe], models: Models, seed: int) -> None:
+    def __init__(
+        self, recipe: Recipe, levels: Sequence[Recipe], models: Models, seed: int, *, model_steps: int = 0
+    ) -> None:
+        self._model_steps = model_steps
         self._settings, self.levels, self.all_models = _settings(recipe), levels, models
         self._order = growth_order(recipe, models, seed)
         self.controller = Controller(self._settings)
@@ -242,6 +247,7 @@ class Curriculum:
         return {
             "met": self.controller.ended,
             "trials": self._observed[-1][0] if self._observed else 0,
+            "model_steps": self._model_steps,
             "level": self.controller.level,
             "levels": self._settings.levels,
             "dimension": self.controller.dimension,
@@ -268,10 +274,13 @@ class Curriculum:
     def pack(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Return where it stands, as plain data and arrays."""
         observed = np.array(self._observed, np.int64).reshape(-1, len(_COLUMNS))
-        return {"events": self._events}, {**self.controller.arrays(), "observed": observed}
+        return {"events": self._events, "model_steps": self._model_steps}, {
+            **self.controller.arrays(),
+            "observed": observed,
+        }
 
     def restore(self, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
         """Stand where ``pack`` was given."""
         self.controller.restore(arrays)
-        self._events = list(header["events"])
+        self._events, self._model_steps = list(header["events"]), int(header["model_steps"])
         self._observed = arrays["observed"].tolist()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from itertools import takewhile
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import UNSET
@@ -26,6 +27,7 @@ from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 from coevo.stage import RANDOM
 
 __all__ = [
+    "Experience",
     "Stretch",
     "align",
     "enough",
@@ -40,6 +42,18 @@ __all__ = [
 Array = NDArray[np.float64]
 Stretch = tuple[Array, Array]
 """(actions (T, 2), observations (T, q)) of one trial with an object in view, each action with the image it led to."""
+
+
+class Experience(NamedTuple):
+    """What random actions let a robot see.
+
+    stretches: for each kind of object those in which it was in view.
+    steps: how many it took until each object had been in view as long as is wanted.
+    """
+
+    stretches: dict[str, list[Stretch]]
+    steps: int
+
 
 _ROWS, _MOST_PARTS = 20_000, 100
 _SLOTS = {"ball": BALL, "own_goal": OWN_GOAL, "opponent_goal": OPPONENT_GOAL, "mate": ROBOTS}
@@ -99,8 +113,8 @@ def make_model(
     return ObjectModel(settings.kind, length, memory_matrix, mean, settings.cell, settings.lost_states), found
 
 
-def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
-    """Act at random and return, for each object, the stretches in which it was in view.
+def experience(recipe: Recipe, seed: int) -> Experience:
+    """Act at random until each object was in view for ``experience.windows`` steps.
 
     Raises:
         InputError: no start was found, or an object is hardly ever seen.
@@ -112,7 +126,7 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
     settings = recipe.experience
     stretches: dict[str, list[Stretch]] = {model.kind: [] for model in recipe.objects}
     seen = dict.fromkeys(stretches, 0)  # steps in view
-    part = 0
+    part = steps = 0
     while min(seen.values()) < settings.windows:
         store.written[0] = 0
         seeds = np.full(_ROWS, game_seed(seed, SkillStream.EXPERIENCE, part), np.uint64)
@@ -121,29 +135,37 @@ def experience(recipe: Recipe, seed: int) -> dict[str, list[Stretch]]:
         for kind, found in stretches.items():
             slot = _SLOTS.get(kind, objects - 1)  # the nearest robot has the last one
             features = store.features[:, slot, : OBJECT_KINDS[kind]]
-            new = in_view(store.trial, store.inputs.copy(), features.copy(), store.areas[:, slot].copy())
+            areas = store.areas[:, slot].copy()
+            new = in_view(store.trial, store.inputs.copy(), features.copy(), areas)
+            if seen[kind] < settings.windows:
+                enough_after = np.searchsorted(np.cumsum(areas > 0.0), settings.windows - seen[kind])
+                steps = max(steps, part * _ROWS + min(int(enough_after) + 1, _ROWS))
             seen[kind] += window_count(new)
             found.extend(new)
         part += 1
-        kind, steps = min(seen.items(), key=lambda item: item[1])
-        if steps * _MOST_PARTS < settings.windows * part:
+        kind, least = min(seen.items(), key=lambda item: item[1])
+        if least * _MOST_PARTS < settings.windows * part:
             raise InputError(
-                f"the recipe {recipe.name!r}: its {kind} came into view in {steps} of {part * _ROWS} steps of random"
+                f"the recipe {recipe.name!r}: its {kind} came into view in {least} of {part * _ROWS} steps of random"
                 f" actions, so no model can be identified from {settings.windows} (experience.windows); look at another"
                 " object, or let the camera see it"
             )
-    return stretches
+    return Experience(stretches, steps)
 
 
-def make_models(recipe: Recipe, seed: int) -> tuple[ObjectModel, ...]:
+def make_models(recipe: Recipe, seed: int) -> tuple[tuple[ObjectModel, ...], int]:
     """Return the model of each of the recipe's objects: that of another skill, or estimated from experience.
+
+    Returns:
+        The models, and how many steps that experience took; 0 without any.
 
     Raises:
         InputError: the experience is not enough for the settings of a model, or the other skill has none.
     """
     given = {one.kind: model_of(one.model_of, one.kind, seed) for one in recipe.objects if one.model_of is not UNSET}
-    stretches = experience(recipe, seed) if len(given) < len(recipe.objects) else {}
-    return tuple(given.get(one.kind) or _model(recipe, one, stretches[one.kind]) for one in recipe.objects)
+    found = experience(recipe, seed) if len(given) < len(recipe.objects) else Experience({}, 0)
+    models = tuple(given.get(one.kind) or _model(recipe, one, found.stretches[one.kind]) for one in recipe.objects)
+    return models, found.steps
 
 
 def model_of(source: str, kind: str, seed: int) -> ObjectModel:

@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeVar
 
 import msgspec
 
-from behaviors.curriculum import TABLES
+from behaviors.curriculum import CHECKS, TABLES
 from behaviors.frequencies import FREQUENCIES
 from behaviors.learning import Learning
 from behaviors.recipe import Recipe, recipe_digest
@@ -141,7 +141,7 @@ def write_learned(
     if files:
         card = {**card, "files": {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}}
     with writing(folder):
-        for name in (*TABLES, FREQUENCIES):
+        for name in (*TABLES, CHECKS, FREQUENCIES):
             (folder / name).unlink(missing_ok=True)
         for name, data in files.items():
             write_whole(folder / name, data)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from behaviors.actor_critic.ties import ties_drawn
 from behaviors.checkpoint import REMEDY, parts_of, read_checkpoint, with_prefix, write_checkpoint
 from behaviors.coordination.relearning import Coordinated, coordinate, shared_models
-from behaviors.curriculum import GREEDY, RATES, Curriculum, check_curriculum
+from behaviors.curriculum import CHECKS, GREEDY, RATES, Curriculum, check_curriculum
 from behaviors.experience import make_models
 from behaviors.frequencies import FREQUENCIES, frequency_table, tells_frequencies
 from behaviors.measuring import Measured, evaluate, run_greedy, succeeded, warm_up, watch
@@ -33,6 +33,7 @@ from coevo.seeds import SkillStream, game_seeds, generator
 from coevo.skill import ObjectModel, Skill, load_skill
 from coevo.skill.model import pack_models, unpack_models
 from coevo.stage import LEARNER
+from coevo.study import table_bytes
 
 __all__ = ["Learning", "Measured", "evaluate", "learn", "succeeded", "warm_up", "watch"]
 
@@ -73,11 +74,16 @@ class Learning:
         """
         self._recipe, self._seed, self._trials = recipe, seed, trials
         levels = [] if recipe.curriculum is UNSET else self._checked_levels()
+        looked = 0  # steps
         if kept is not None:
             self._models = kept.models
+        elif recipe.coordination is not UNSET:
+            self._models = shared_models(recipe, seed)
         else:
-            self._models = (make_models if recipe.coordination is UNSET else shared_models)(recipe, seed)
-        self._curriculum = None if recipe.curriculum is UNSET else Curriculum(recipe, levels, self._models, seed)
+            self._models, looked = make_models(recipe, seed)
+        self._curriculum = None
+        if recipe.curriculum is not UNSET:
+            self._curriculum = Curriculum(recipe, levels, self._models, seed, model_steps=looked)
         if self._curriculum is not None and kept is not None and kept.curriculum is not None:
             self._curriculum.restore(*kept.curriculum)
         self._start = None if recipe.coordination is UNSET else self._coordinated()
@@ -238,6 +244,8 @@ class Learning:
     def files(self) -> dict[str, bytes]:
         """Return what stands beside the skill, by name of its file: tables of a curriculum, of what happened."""
         files = {} if self._curriculum is None else self._curriculum.files()
+        if self._curriculum is not None and self._practice.at.checks:
+            files[CHECKS] = table_bytes(self._practice.at.checks)
         if tells_frequencies(self._recipe):
             files[FREQUENCIES] = frequency_table(self._practice.at.results)
         return files

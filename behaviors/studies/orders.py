@@ -61,7 +61,7 @@ def _sight(seed: int, windows: int, noise_px: float) -> dict[str, list[Stretch]]
         experience=ExperienceSettings(windows=windows),
         world=WorldSettings(robot=RobotSettings(drive="4ws"), camera=CameraSettings(noise_px=noise_px)),
     )
-    return experience(recipe, seed)
+    return experience(recipe, seed).stretches
 
 
 def _chosen(kind: str, stretches: Sequence[Stretch], windows: int) -> list[dict[str, Any]]:

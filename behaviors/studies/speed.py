@@ -70,7 +70,7 @@ def _timed(scene: Scene, stream: tuple[int, ...], trials: int) -> tuple[float, i
 def _alone(name: str, trials: int) -> tuple[WorldSettings, int, float, int]:
     """Return the world of a skill, its robots, the seconds of learning in so many trials, and their steps."""
     recipe = read_recipe(name)
-    skill = blank_skill(recipe, make_models(recipe, recipe.seed))
+    skill = blank_skill(recipe, make_models(recipe, recipe.seed)[0])
     table, learner = make_table(*skill.values.shape), make_learner(recipe.learning)
     scene = solo_scene(recipe, skill, LEARNER, learner=learner, table=table)
     stream = recipe.seed, SkillStream.LEARNING

@@ -70,7 +70,7 @@ class TeamCourse:
             run_games(scene, self.recipe, self.seed, (SetStream.CHECKS, 0), 1, first=1)
         for n, member in enumerate(members):
             seed = int(game_seed(self.seed, SetStream.GATHERING, n) >> np.uint64(1))  # a seed has 63 bits
-            member.models = make_models(model_recipe(self.recipe, member.settings), seed)
+            member.models, _ = make_models(model_recipe(self.recipe, member.settings), seed)
             member.skill(self.recipe)  # tells whether it has too many states
         return members
 

@@ -15,6 +15,7 @@ from click.testing import CliRunner
 
 from analysis.chapter4 import beside_the_dissertation, comparisons, held, levels, periods, report, two_by_two
 from analysis.chapter4_compared import between_words, faster, of_medians, ratios
+from analysis.chapter4_equal import at_equal_trials, means_of_checks
 from analysis.chapter4_figures import marks_of, middle, shares_met
 from analysis.chapter4_runs import read_arms
 from coevo.complexity import Controller
@@ -115,6 +116,42 @@ def test_greedy_rates_count_in_trials_of_their_own(study):
         blocks = run.blocks.assign(games=20, greedy_success=count)
         blocks.to_csv(study.path / "shooter-variable-seed0" / "observations.csv", index=False)
         assert (read_arms(study.path)["variable"][0].met == 60) == met
+
+
+def test_steps_with_those_of_the_models_are_more_by_as_many(study):
+    study.add_needing("n4", 0, 300)
+    study.add_needing("variable", 0, 500)
+    path = study.path / "table.csv"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([lines[0] + ",model_steps", *(f"{line},{STEPS * 100}" for line in lines[1:])]) + "\n")
+    arms = read_arms(study.path)
+    assert arms["n4"][0].needed("samples") == (STEPS * (30 + 100), STEPS * (30 + 100))
+    header, (row,) = comparisons(arms)["comparisons"]
+    assert dict(zip(header, row, strict=True))["with the models'"] == f"{150 / 130:.2f}"
+
+
+def test_after_as_many_trials_runs_are_told_by_their_checks(study):
+    rates = {("n4", 0): [0.1, 0.2, 0.5, 0.8], ("n4", 1): [0.3, 0.2, 0.7, 0.6]}
+    rates |= {("full-speed-n4", 0): [0.2, 0.2, 0.4, 0.9], ("full-speed-n4", 1): [0.2, 0.6, 0.6, 0.4]}
+    for (arm, seed), found in rates.items():
+        study.add_needing(arm, seed, 300)
+        rows = [(1500 * (n + 1), rate, 0.0, 1) for n, rate in enumerate(found)]
+        write(study.path / f"shooter-{arm}-seed{seed}" / "checks.csv", ("trials", "in-view", "anywhere", "kept"), rows)
+    study.add_needing("variable", 0, 300)  # not checked
+    study.add_needing("stopped-n4", 0, 300)  # not to the end
+    path = study.path / "shooter-stopped-n4-seed0" / "checks.csv"
+    write(path, ("trials", "in-view", "anywhere", "kept"), [(1500, 0.9, 0.0, 1)])
+    arms = read_arms(study.path)
+    header, rows = at_equal_trials(arms)["at-equal-trials"]
+    told = [dict(zip(header, row, strict=True)) for row in rows]
+    assert [row["arm"] for row in told] == ["n4"] * 4 + ["full-speed-n4"] * 4
+    assert [row["trials"] for row in told[:4]] == ["1,500", "3,000", "4,500", "6,000"]
+    assert [row["greedy success"][:5] for row in told[:4]] == ["0.200", "0.200", "0.600", "0.700"]
+    assert [row["above full-speed-n4"].split()[0] for row in told[:4]] == ["0.000", "-0.200", "0.100", "0.050"]
+    assert [row["probability of more"][:4] for row in told[:4]] == ["0.50", "0.25", "0.75", "0.50"]
+    means = means_of_checks(arms)
+    assert means[means["arm"] == "n4"]["share"].tolist() == pytest.approx([0.2, 0.2, 0.6, 0.7])
+    assert at_equal_trials({"variable": arms["variable"]}) == {}
 
 
 def test_levels_and_axes_are_told_where_they_were(study):

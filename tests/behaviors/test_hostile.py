@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from behaviors import experience as experience_module
-from behaviors.experience import make_models
+from behaviors.experience import Experience, make_models
 from behaviors.learning import evaluate, learn
 from behaviors.lpm import PersistentExcitationWarning
 from behaviors.recipe import Recipe, read_recipe
@@ -128,9 +128,9 @@ def told(monkeypatch):
     """Return a function that makes the ball's model of made-up stretches."""
 
     def make(stretches, **settings):  # noqa: ANN003 - of the model
-        monkeypatch.setattr(experience_module, "experience", lambda _recipe, _seed: {"ball": stretches})
+        monkeypatch.setattr(experience_module, "experience", lambda _recipe, _seed: Experience({"ball": stretches}, 1))
         text = {"name": "mine", "task": "search", "objects": [{"kind": "ball", **settings}]}
-        (model,) = make_models(check(Recipe, text, "mine"), 1)
+        ((model,), _) = make_models(check(Recipe, text, "mine"), 1)
         return model
 
     return make

@@ -21,6 +21,7 @@ from coevo.config import check
 from coevo.errors import InputError
 from coevo.skill import load_skill, read_card
 from coevo.skill.model import OBJECT_KINDS
+from coevo.soccer.camera import BALL, ROBOTS
 from coevo.stage import LEARNER, RANDOM, SKILL
 from coevo.statistics import share_interval
 
@@ -44,7 +45,7 @@ def short(name, trials=500):
 
 def test_experience_is_whole_stretches_in_view():
     recipe = changed(read_recipe("pass"), experience=ExperienceSettings(windows=800))
-    found = experience(recipe, 1)
+    found = experience(recipe, 1).stretches
     assert set(found) == {"ball", "mate"}
     codes = {(v, w) for v in (-1.0, 0.0, 1.0) for w in (-1.0, 0.0, 1.0)}
     for kind, stretches in found.items():
@@ -58,10 +59,31 @@ def test_experience_is_whole_stretches_in_view():
             np.any(np.diff(actions, axis=0) != 0.0, axis=1).mean() for actions, _ in stretches if len(actions) > 30
         ]
         assert np.mean(changes) < 0.25  # actions are held
-    again = experience(recipe, 1)
+    again = experience(recipe, 1).stretches
     assert all(np.array_equal(a[1], b[1]) for a, b in zip(found["ball"], again["ball"], strict=True))
-    other = experience(recipe, 2)
+    other = experience(recipe, 2).stretches
     assert not np.array_equal(found["ball"][0][1], other["ball"][0][1])
+
+
+@pytest.mark.parametrize("windows", [150, 800, 2500])
+def test_steps_of_experience_are_those_until_each_object_was_seen_often_enough(windows, monkeypatch):
+    recipe = changed(read_recipe("pass"), experience=ExperienceSettings(windows=windows))
+    seen = []  # at each step whether ball and mate were in view
+
+    def watching(scene, *args, **kwargs):  # noqa: ANN003 - passed on
+        found = run(scene, *args, **kwargs)
+        store = scene.minds[0].store
+        seen.extend((store.areas[:, [BALL, ROBOTS]] > 0.0).tolist())
+        return found
+
+    run = Scene.run
+    monkeypatch.setattr(Scene, "run", watching)
+    steps = experience(recipe, 3).steps
+    counts, needed = [0, 0], 0
+    while min(counts) < windows:
+        counts = [count + here for count, here in zip(counts, seen[needed], strict=True)]
+        needed += 1
+    assert steps == needed > windows
 
 
 def test_a_recipe_whose_objects_are_never_seen_is_refused():

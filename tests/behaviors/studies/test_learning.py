@@ -6,9 +6,12 @@ import json
 
 import pandas as pd
 import pytest
+import tomli_w
 
 from behaviors.studies.learning import SkillRuns
 from coevo.errors import InputError
+from coevo.skill import load_skill
+from coevo.soundness import check_skill
 from coevo.study import cores
 from coevo.study.plan import read_plan
 from coevo.study.task import LeftError, do
@@ -118,6 +121,7 @@ def test_a_row_tells_how_far_a_curriculum_came_and_a_stopped_one_ends_alike(stud
     ]
     assert row["met"] == int(told["met"])
     assert row["states"] == 3 ** row["dimension"] + 2
+    assert row["model_steps"] == told["model_steps"] >= 300  # windows
 
     def unwanted():
         raise LeftError
@@ -127,9 +131,22 @@ def test_a_row_tells_how_far_a_curriculum_came_and_a_stopped_one_ends_alike(stud
             kind.run(settings, tmp_path / "stopped", (), unwanted)
     assert kind.run(settings, tmp_path / "stopped", (), lambda: None) == row
     names = {path.name for path in (tmp_path / "whole").iterdir()}
-    assert names == {"card.json", "levels.csv", "observations.csv", "recipe.toml", "skill.npz"}
+    assert names == {"card.json", "checks.csv", "levels.csv", "observations.csv", "recipe.toml", "skill.npz"}
     for name in names:
         assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+    checked = {"learning.check_every": 100, "learning.check_from": 0.0, "curriculum.at_the_top": "stay"}
+    study_file.write_text(study_file.read_text().replace("[vary]", tomli_w.dumps(checked) + "[vary]"))
+    settings = read_plan(str(study_file)).runs[0].settings
+    kind.run(settings, tmp_path / "checked", (), lambda: None)
+    checks = pd.read_csv(tmp_path / "checked" / "checks.csv")
+    assert checks["trials"].tolist() == [100, 200, 300, 400, 500]
+    assert checks["in-view"].between(0, 1).all()
+    kept = checks[checks["kept"] == 1]
+    assert kept["trials"].iloc[-1] == load_skill(tmp_path / "checked" / "skill.npz").about["kept_after_trials"]
+    assert check_skill(tmp_path / "checked")[-1].state == "sound"
+    (tmp_path / "checked" / "checks.csv").write_text("trials,in-view\n100,1.0\n")
+    assert "damaged" in {finding.state for finding in check_skill(tmp_path / "checked")}
 
     path.write_text(QUICK + GROWING.replace("dimension = 1", "dimension = 1\nfirst = 7"))
     with pytest.raises(InputError, match="first: expected a level from 0 to 1"):

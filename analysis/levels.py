@@ -10,7 +10,7 @@ import pandas as pd
 from analysis.charts import altair
 from coevo.complexity import values_at
 from coevo.errors import InputError
-from coevo.files import read_whole
+from coevo.folder import read_lines
 from coevo.levels import level_lines
 from coevo.run import Run
 
@@ -28,12 +28,12 @@ def level_table(run: Run) -> pd.DataFrame:
     """
     path = run.path / "levels.csv"
     try:
-        data = read_whole(path)
+        lines = read_lines(path)
         wanted = level_lines(run.config, run.game, run.level_records(run.finished))
-        if data.decode().splitlines()[: len(wanted)] != wanted:
+        if lines[: len(wanted)] != wanted:
             remedy = f"delete it; 'coevo resume {run.path}' makes it anew"
             raise InputError(f"{path} is damaged: its rows are not those that were written; {remedy}")
-        table = pd.read_csv(io.BytesIO(data))
+        table = pd.read_csv(io.StringIO("\n".join(wanted)))
     except (ValueError, OSError) as error:
         raise InputError(f"cannot read {path}: {error}") from None
     return table[table["event"] != "end"]

@@ -14,17 +14,19 @@ from numpy.typing import NDArray
 
 from coevo.errors import InputError
 from coevo.files import (
+    MOST_FILE_BYTES,
     DamagedFileError,
     digest_of,
     lock,
     make_folder,
     pack_arrays,
     read_arrays,
+    read_text,
     read_whole,
     write_whole,
 )
 
-__all__ = ["Folder", "held", "lock_folder", "read_table", "save_lines", "save_whole", "writing"]
+__all__ = ["Folder", "held", "lock_folder", "read_lines", "read_table", "save_lines", "save_whole", "writing"]
 
 
 _MOST_VALUES = 100_000_000  # of a table
@@ -83,6 +85,18 @@ def save_whole(path: Path, data: bytes) -> None:
 def save_lines(path: Path, lines: Sequence[str]) -> None:
     """Write a table of lines as ``save_whole`` does."""
     save_whole(path, ("\n".join(lines) + "\n").encode())
+
+
+def read_lines(path: Path) -> list[str]:
+    """Return the lines of a table that ``save_lines`` wrote.
+
+    Raises:
+        OSError, ValueError: it cannot be read, or its last line is cut.
+    """
+    text = read_text(path, MOST_FILE_BYTES)
+    if not text.endswith("\n"):
+        raise ValueError("its last line is cut")
+    return text[:-1].split("\n")  # and not at what else may end a line
 
 
 def read_table(path: Path, digest: bytes | None, remedy: str) -> Any:

@@ -16,7 +16,7 @@ from coevo.chain import Chain, sha256
 from coevo.config import EvolutionSettings, to_toml
 from coevo.errors import InputError
 from coevo.files import MOST_FILE_BYTES, DamagedFileError, read_arrays, read_text, read_whole
-from coevo.folder import Folder, read_table
+from coevo.folder import Folder, read_lines, read_table
 from coevo.game import Game, make_game
 from coevo.levels import LevelRecord, level_settings
 from coevo.plugins import search_folders
@@ -105,7 +105,7 @@ class RunReader(Folder):
 
     def _lines_as_written(self, path: Path) -> list[str]:
         """Return the lines of ``generations.csv``, compared with the chain; no code of one's own runs for that."""
-        chain, (first, *lines) = self.chain or Chain(), read_text(path, MOST_FILE_BYTES).splitlines() or [""]
+        chain, (first, *lines) = self.chain or Chain(), read_lines(path)
         remedy = f"delete it; 'coevo resume {self.path}' makes it anew"
         header, fixed = first.split(","), len(columns(())) // 2
         counts = header[fixed : len(header) - len(columns(())) + fixed]
@@ -132,7 +132,7 @@ class RunReader(Folder):
         path, chain = self.path / name, self.chain or Chain()
         remedy = f"delete it; 'coevo resume {self.path}' makes it anew"
         try:
-            lines = read_text(path, MOST_FILE_BYTES).splitlines()
+            lines = read_lines(path)
         except (OSError, ValueError) as error:
             raise InputError(f"cannot read {path}: {error}; {remedy}") from None
         if lines[:1] != [",".join(header)]:

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 
 from coevo.environment import environment
 from coevo.errors import InputError
-from coevo.files import MOST_FILE_BYTES, parse_json, read_text
+from coevo.files import parse_json
+from coevo.folder import read_lines
 from coevo.levels import level_lines
 from coevo.run import Run
-from coevo.run_reader import AGAIN, CHAMPIONS, DIGESTS, OLDER, part_name, rows_digest, why_unsound
+from coevo.run_reader import AGAIN, CHAMPIONS, DIGESTS, OLDER, part_name, why_unsound
 from coevo.skill import load_skill, read_card
 
 __all__ = [
@@ -125,11 +126,12 @@ def _of_levels(run: Run, generations: int) -> Finding:
     if not path.exists():
         return Finding(path.name, "missing")
     try:
-        lines = read_text(path, MOST_FILE_BYTES).splitlines()
+        lines = read_lines(path)
         wanted = level_lines(run.config, run.game, run.level_records(generations))
     except (OSError, ValueError) as error:
         return Finding(path.name, "damaged", f"cannot check {path}: {error}")
-    if rows_digest(lines[: len(wanted)]) == rows_digest(wanted):
+    more = 0 if generations == run.config.gp.generations else 2  # a kill may have left a generation more, and the end
+    if lines[: len(wanted)] == wanted and len(lines) <= len(wanted) + more:
         return Finding(path.name, "sound")
     remedy = f"delete it; 'coevo resume {run.path}' makes it anew"
     return Finding(path.name, "damaged", f"{path} is damaged: its rows are not those that were written; {remedy}")

@@ -72,6 +72,13 @@ class Groups:
         """Return (games,) the seeds of a group's games."""
         return group_seeds(run_seed, generation, int(self.starts[group]), self.games)
 
+    def seeds_of_all(self, run_seed: int, generation: int) -> list[NDArray[np.uint64]]:
+        """Return the seeds of each group's games; they are drawn once where groups have the same."""
+        drawn = {
+            start: group_seeds(run_seed, generation, start, self.games) for start in np.unique(self.starts).tolist()
+        }
+        return [drawn[start] for start in self.starts.tolist()]
+
 
 def groups_of(settings: EvolutionSettings, roles: Sequence[Role], generation: int) -> Groups:
     """Return the groups of a generation.

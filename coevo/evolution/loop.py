@@ -162,7 +162,7 @@ def _matches(
     frozen: Mapping[int, Program],
 ) -> list[Match]:
     teams = line_ups(groups, {population.role: population.programs for population in populations}, best, frozen)
-    return [Match(programs, groups.seeds(run.config.seed, generation, group)) for group, programs in enumerate(teams)]
+    return [Match(*match) for match in zip(teams, groups.seeds_of_all(run.config.seed, generation), strict=True)]
 
 
 def _contemporary(groups: Groups, outcomes: Sequence[Played]) -> list[Played]:

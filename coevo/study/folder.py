@@ -14,7 +14,7 @@ import json
 import secrets
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -38,14 +38,23 @@ _FLAG = ".going-"
 _ANEW = "the same 'coevo study' makes it anew"
 
 
-def row_bytes(measured: Sequence[str], row: Mapping[str, Cell]) -> bytes:
+class _Row(NamedTuple):
+    """What was measured of a run, what it came to, and which it is; of a row of before that is not told."""
+
+    measured: list[str]
+    row: dict[str, Cell]
+    key: dict[str, Cell]
+
+
+def row_bytes(measured: Sequence[str], row: Mapping[str, Cell], key: Mapping[str, Cell]) -> bytes:
     """Return the file that holds the row of a finished run.
 
     Args:
         measured: what was measured, by the names that its kind gives it.
         row: what it came to, by column.
+        key: the columns before these: which run of the study it is.
     """
-    told = {"measured": list(measured), "row": dict(row)}
+    told = {"measured": list(measured), "row": dict(row), "key": dict(key)}
     return (json.dumps({**told, "sha256": _digest(told)}, indent=2, allow_nan=False) + "\n").encode()
 
 
@@ -53,8 +62,8 @@ def _digest(told: Mapping[str, Any]) -> str:
     return sha256(json.dumps(told).encode())
 
 
-def _read_row(path: Path) -> tuple[list[str], dict[str, Cell]]:
-    """Return what was measured of a run, and what it came to.
+def _read_row(path: Path) -> _Row:
+    """Return the row of a finished run.
 
     Raises:
         OSError: it cannot be read.
@@ -62,10 +71,10 @@ def _read_row(path: Path) -> tuple[list[str], dict[str, Cell]]:
     """
     told = dict(parse_json(read_text(path)))
     digest = told.pop("sha256", None)  # older ones have none
-    measured, row = list(told["measured"]), dict(told["row"])
-    if len(told) > 2 or digest not in (None, _digest(told)):
+    found = _Row(list(told["measured"]), dict(told["row"]), dict(told.get("key", {})))
+    if not told.keys() <= {"measured", "row", "key"} or digest not in (None, _digest(told)):
         raise ValueError("it does not match its digest")
-    return measured, row
+    return found
 
 
 def finished_runs(path: Path) -> list[tuple[Path, dict[str, str]]]:
@@ -102,10 +111,10 @@ def _table_rows(path: Path) -> list[dict[str, str]]:
         if name is None or seed is None or Path(name).name != name or not name.endswith(f"seed{seed}"):
             raise ValueError(f"its row {number + 1} names no run")
         try:
-            _, told = _read_row(path / name / ROW) if (path / name / ROW).exists() else ([], {})
+            told = _read_row(path / name / ROW) if (path / name / ROW).exists() else _Row([], {}, {})
         except (OSError, ValueError, TypeError, LookupError):
             raise ValueError(f"{Path(name) / ROW} does not tell what the run came to") from None
-        if None in row or any(row.get(column) != str(cell) for column, cell in told.items()):
+        if None in row or any(row.get(column) != str(cell) for column, cell in {**told.row, **told.key}.items()):
             raise ValueError(f"its row of {name} is not what the run came to")
     return rows
 
@@ -164,10 +173,12 @@ class StudyFolder:
         """Return what a run came to, by column; None if it is not finished, or was not asked all that is asked now."""
         folder, kind = self.path / run.name, kind_named(run.condition.kind)
         try:
-            measured, row = _read_row(folder / ROW)
+            told = _read_row(folder / ROW)
         except (OSError, ValueError, TypeError, LookupError):
             return None
-        return row if measured == list(kind.measured) and kind.is_whole(folder, run.settings) else None
+        if told.measured != list(kind.measured) or told.key not in ({}, run.key):
+            return None
+        return told.row if kind.is_whole(folder, run.settings) else None
 
     def write_tables(self, rows: Mapping[str, Mapping[str, Cell]], failed: Mapping[str, str]) -> None:
         """Write the table, and that of the runs that failed, in the order of the plan.
@@ -224,7 +235,7 @@ def check_folder(path: Path, plan: Plan) -> None:
     different = [
         name
         for name in ("recipes", "set", "vary", "arms", "conditions")
-        if _plain(getattr(there, name)) != _plain(getattr(new, name))
+        if _plain(there, name) != _plain(new, name)
     ]
     if different:
         what = different[0] if different[0] != "conditions" else "settings, which a recipe or a default now gives"
@@ -237,8 +248,9 @@ def check_folder(path: Path, plan: Plan) -> None:
         )
 
 
-def _plain(value: Any) -> str:
-    return json.dumps(msgspec.to_builtins(value))  # in their order, too: it is that of the table
+def _plain(record: StudySettings, name: str) -> str:
+    # Conditions in their order, which is that of the table; of settings TOML does not keep it.
+    return json.dumps(msgspec.to_builtins(getattr(record, name)), sort_keys=name != "conditions")
 
 
 def open_study(path: Path, plan: Plan) -> StudyFolder:

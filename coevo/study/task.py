@@ -31,7 +31,7 @@ class Task(NamedTuple):
     """A run to be done.
 
     name: of its folder. study: the study's folder. flag: a file that is there as long as the run is wanted.
-    kind: of its recipe. settings: plain data.
+    kind: of its recipe. settings: plain data. key: the first columns of its row: which run it is.
     """
 
     name: str
@@ -39,6 +39,7 @@ class Task(NamedTuple):
     flag: str
     kind: str
     settings: dict[str, Any]
+    key: dict[str, Cell]
 
 
 class Done(NamedTuple):
@@ -56,7 +57,8 @@ class Done(NamedTuple):
 def task_of(study: StudyFolder, run: PlannedRun) -> Task:
     """Return what a worker needs to know of a run."""
     settings = {**run.condition.data, "seed": run.seed}
-    return Task(run.name, str(study.path.absolute()), str(study.flag.absolute()), run.condition.kind, settings)
+    folder, flag = str(study.path.absolute()), str(study.flag.absolute())
+    return Task(run.name, folder, flag, run.condition.kind, settings, run.key)
 
 
 class LeftError(Exception):
@@ -101,7 +103,7 @@ def _do(task: Task) -> dict[str, Cell]:
 
     with _held(study, task.name, tick):
         row = kind.run(settings, study / task.name, folders, tick)
-        write_whole(study / task.name / ROW, row_bytes(kind.measured, row))
+        write_whole(study / task.name / ROW, row_bytes(kind.measured, row, task.key))
     return row
 
 

@@ -93,6 +93,7 @@ def test_starts_are_common_in_a_round_and_never_twice(case):
     settings, roles, generation = case
     groups = groups_of(settings, roles, generation)
     seeds = np.array([groups.seeds(settings.seed, generation, group) for group in range(len(groups))])
+    assert (np.array(groups.seeds_of_all(settings.seed, generation)) == seeds).all()
     role = next(number for number, of in enumerate(roles) if of.evolves)
     rounds = groups.of(role)
     if settings.evaluation.starts == "own":

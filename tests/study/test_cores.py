@@ -58,7 +58,7 @@ def test_every_run_is_done_or_given_up_and_only_for_troubles_of_its_own(troubles
     pool, begun = pools(troubles)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(loky, "ProcessPoolExecutor", pool)
-        tasks = [Task(str(number), "", "", "", {}) for number in range(len(troubles))]
+        tasks = [Task(str(number), "", "", "", {}, {}) for number in range(len(troubles))]
         ended = {done.name: done for done in on_cores(tasks, workers)}
     assert sorted(ended) == sorted(task.name for task in tasks)
     for number, (exceptions, deaths) in enumerate(troubles):

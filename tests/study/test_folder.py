@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 
 import pytest
 
@@ -77,7 +78,7 @@ def test_a_digit_that_flipped_is_noticed_wherever_it_is(folder, plan):
     rows = {run.name: {"share": 0.125 * number, "goals": number} for number, run in enumerate(plan.runs)}
     for run in plan.runs:
         (folder.path / run.name).mkdir()
-        (folder.path / run.name / ROW).write_bytes(row_bytes(measured, rows[run.name]))
+        (folder.path / run.name / ROW).write_bytes(row_bytes(measured, rows[run.name], run.key))
     folder.write_tables(rows, {})
     assert [(path.name, row["share"]) for path, row in finished_runs(folder.path)] == [
         (name, str(row["share"])) for name, row in rows.items()
@@ -88,6 +89,8 @@ def test_a_digit_that_flipped_is_noticed_wherever_it_is(folder, plan):
         (b"0.25", b"0.35"),
         (b",3\n", b",2\n"),
         (b"smoke,1", b"smoke,0"),
+        (b"smoke,1", b"smoje,1"),
+        (b"smoke,1,varying", b"smoke,1,vazying"),
         (b"fixed-seed1", b"fixed-seed0"),
     ):
         folder.table.write_bytes(whole.replace(old, new, 1))
@@ -106,20 +109,25 @@ def test_a_digit_that_flipped_is_noticed_wherever_it_is(folder, plan):
 
 
 def test_a_row_of_before_has_no_digest_and_counts(tmp_path):
-    told = json.loads(row_bytes(["robots"], {"share": 0.5}))
+    told = json.loads(row_bytes(["robots"], {"share": 0.5}, {"seed": 1}))
     assert len(told.pop("sha256")) == 64
+    assert told.pop("key") == {"seed": 1}
     path = tmp_path / ROW
     path.write_text(json.dumps(told), encoding="utf-8")
-    assert read_row(path) == (["robots"], {"share": 0.5})
+    assert read_row(path) == (["robots"], {"share": 0.5}, {})
 
 
 def test_a_row_counts_only_with_the_whole_run_and_all_that_is_asked(folder, plan, monkeypatch):
     run, kind = plan.runs[0], kind_named("evolution")
     (folder.path / run.name).mkdir()
-    (folder.path / run.name / ROW).write_bytes(row_bytes(kind.measured, {"a": 1}))
+    (folder.path / run.name / ROW).write_bytes(row_bytes(kind.measured, {"a": 1}, run.key))
     assert folder.row(run) is None  # no generation is there
     monkeypatch.setattr(type(kind), "is_whole", lambda *_: True)
     assert folder.row(run) == {"a": 1}
+    assert folder.row(plan.runs[1]) is None
+    (folder.path / plan.runs[1].name).mkdir()
+    shutil.copy(folder.path / run.name / ROW, folder.path / plan.runs[1].name / ROW)
+    assert folder.row(plan.runs[1]) is None  # it is that of another run
     monkeypatch.setattr(type(kind), "measured", (*kind.measured, "more"))
     assert folder.row(run) is None
 
@@ -133,6 +141,13 @@ def test_another_study_is_refused(folder, study_file):
     for what, path in changed.items():
         with pytest.raises(InputError, match=rf"holds another study: it differs in its {what}; choose another --out"):
             check_folder(folder.path, read_plan(str(path)))
+
+
+def test_settings_that_toml_writes_in_another_order_are_the_same_study(study_file, tmp_path):
+    keys = '"levels.keys" = [{ "players.2.strength" = [0.6, 1.0] }]\n"levels.against" = 0\n'
+    study = str(study_file(settings=f'[set]\n"levels.keep" = "both sides winning"\n{keys}'))
+    open_study(tmp_path / "out", read_plan(study)).close()
+    check_folder(tmp_path / "out", read_plan(study))
 
 
 def test_a_recipe_or_a_module_that_has_changed_is_another_study(study_file, tmp_path):

@@ -28,6 +28,11 @@ SMALL = (
     "gp.tournament=2",
     "gp.creation_depth_max=4",
     "evaluation.games=2",
+    "evaluation.champion_games=2",
+    'levels.keys=[{ "players.2.strength" = [0.6, 0.8, 1.0] }]',
+    'levels.keep="both sides winning"',
+    "levels.against=0",
+    "levels.window=1",
     "game.time_limit_steps=60",
 )
 SLOW = 60.0  # seconds for a case that plays games

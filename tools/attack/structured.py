@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import shutil
 import tomllib
@@ -192,6 +193,19 @@ def _trees() -> _Kind:
 # ------------------------------------------------------------------------------------------------ arrays
 
 
+def _own(folder: Path, source: Path | None = None) -> Path:
+    """Return a folder that is this process's alone, as several try inputs of one kind at a time.
+
+    Args:
+        folder: where.
+        source: what it is a copy of, at first; by default it is empty.
+    """
+    path = folder / f"of-{os.getpid()}"
+    if not path.exists():
+        path.mkdir() if source is None else shutil.copytree(source, path)
+    return path
+
+
 @contextmanager
 def _file(path: Path, data: bytes) -> Iterator[Path]:
     path.write_bytes(data)
@@ -227,7 +241,7 @@ def _skills(folder: Path) -> _Kind:
 
     def attempt(given: tuple[Any, dict[str, Any]]) -> None:
         about, changed = given
-        with _file(folder / "skill.npz", pack_arrays({**changed, "header": _text(about)})) as path:
+        with _file(_own(folder) / "skill.npz", pack_arrays({**changed, "header": _text(about)})) as path:
             skill = load_skill(path)
         assert skill.digest == about["digest"], "a skill does not match its digest"
         assert len(skill.policy) == len(skill.values), "a skill has no policy"
@@ -236,11 +250,12 @@ def _skills(folder: Path) -> _Kind:
 
 
 def _checkpoints(whole: Path, folder: Path) -> list[_Kind]:
-    run = Path(shutil.copytree(whole, folder / "checkpoints"))
-    kept = read_arrays(run / "checkpoint.npz")
+    kept = read_arrays(whole / "checkpoint.npz")
     del kept["digest"]
+    (folder / "runs").mkdir()
 
     def of_run(arrays: dict[str, Any]) -> None:
+        run = _own(folder / "runs", whole)
         (run / "checkpoint.npz").write_bytes(pack_arrays({**arrays, "digest": digest_of(arrays)}))
         opened = open_run(run)
         checkpoint = opened.checkpoint()
@@ -250,17 +265,18 @@ def _checkpoints(whole: Path, folder: Path) -> list[_Kind]:
                 measure(codes, opened.game.function_set(role))
 
     recipe = skill_recipe("search")
-    path = folder / "learning.npz"
+    first = folder / "learning.npz"
     learning = Learning(recipe, seed=1, trials=1000)
     learning.advance()
-    learning.save(path)
-    parts = read_arrays(path)
+    learning.save(first)
+    parts = read_arrays(first)
     about = json.loads(bytes(parts["header"]))
     parts = {name: array for name, array in parts.items() if name not in ("digest", "header", "format", "code")}
     made = st.tuples(_changed(about["at"]), st.just(parts)) | st.tuples(st.just(about["at"]), _exchanged(parts))
 
     def of_learning(given: tuple[Any, dict[str, Any]]) -> None:
         at, changed = given
+        path = _own(folder) / "learning.npz"
         write_checkpoint(path, about["learning"], at, changed)
         gone_on = Learning.load(path, recipe, seed=1, trials=1000)
         if not gone_on.is_finished:
@@ -273,11 +289,12 @@ def _checkpoints(whole: Path, folder: Path) -> list[_Kind]:
 
 
 def _parts(whole: Path, folder: Path) -> _Kind:
-    run = Path(shutil.copytree(whole, folder / "parts"))
-    (run / "digests.txt").unlink()  # so that it is for nobody to know that it was changed
-    (run / "checkpoint.npz").unlink()
-    path = run / "individuals.parquet" / "part-00002.parquet"
-    table = pq.read_table(path)
+    source = Path(shutil.copytree(whole, folder / "source"))
+    (source / "digests.txt").unlink()  # so that it is for nobody to know that it was changed
+    (source / "checkpoint.npz").unlink()
+    (folder / "parts").mkdir()
+    part = Path("individuals.parquet") / "part-00002.parquet"
+    table = pq.read_table(source / part)
     rows = len(table)
     column = st.one_of(
         *(st.lists(of | st.none(), min_size=rows, max_size=rows) for of in (st.integers(-(2**31), 2**31), st.floats())),
@@ -293,7 +310,8 @@ def _parts(whole: Path, folder: Path) -> _Kind:
                 changed = changed.remove_column(at)
                 if values is not None:
                     changed = changed.add_column(at, name, pa.array(values))
-        pq.write_table(changed, path)
+        run = _own(folder / "parts", source)
+        pq.write_table(changed, run / part)
         opened = open_run(run)
         for read in (
             lambda: opened.individuals,
@@ -323,7 +341,7 @@ def _studies(folder: Path) -> list[_Kind]:
 
     def plan(data: dict[str, Any]) -> None:
         text = "".join(f"{json.dumps(str(key))} = {_as_toml(value)}\n" for key, value in data.items())
-        with _file(folder / "study.toml", text.encode("utf-8", "replace")) as path:
+        with _file(_own(folder) / "study.toml", text.encode("utf-8", "replace")) as path:
             read_plan(str(path))
 
     table = b"recipe,seed,run,share\nsmoke,0,smoke-seed0,0.5\nsmoke,1,smoke-seed1,0.25\n"
@@ -333,13 +351,14 @@ def _studies(folder: Path) -> list[_Kind]:
 
     def tables(given: tuple[Any, int]) -> None:
         told, seed = given
+        study = _own(folder / "tables")
         for name, row in told.items() if isinstance(told, dict) else ():
             if name in rows:
-                (folder / "tables" / name).mkdir(parents=True, exist_ok=True)
-                (folder / "tables" / name / ROW).write_text(json.dumps(row), encoding="utf-8")
+                (study / name).mkdir(exist_ok=True)
+                (study / name / ROW).write_text(json.dumps(row), encoding="utf-8")
         changed = mutated(table, random.Random(seed)) if seed % 2 else table
-        (folder / "tables" / "table.csv").write_bytes(changed)
-        for path, row in finished_runs(folder / "tables"):
+        (study / "table.csv").write_bytes(changed)
+        for path, row in finished_runs(study):
             assert row["run"] == path.name, "a row is of another run"
 
     (folder / "tables").mkdir()

@@ -21,7 +21,7 @@ from behaviors.trials.scene import Scene, no_results
 from behaviors.trials.task import CHANNELS
 from coevo.skill.model import MOST_STATES
 
-__all__ = ["Check", "Practice", "Standing", "joined"]
+__all__ = ["Check", "Practice", "Standing", "joined", "read_results"]
 
 # Measures the tables as they are now: a score, of which more is better, and what to tell besides.
 Check = Callable[[], tuple[float, Mapping[str, float]]]
@@ -80,7 +80,7 @@ class Standing:
             float(arrays["best_score"][0]),
             header["kept_after"],
             header["checks"],
-            Results(**parts_of("results", arrays)),
+            read_results(parts_of("results", arrays)),
         )
         standing._check()  # compiled code would not
         return standing
@@ -91,11 +91,6 @@ class Standing:
             raise ValueError("it does not tell where it stands")
         if any(type(one) is not dict for one in told[-1]):
             raise ValueError("what a check found is lost")
-        *columns, counts = self.results
-        trials = len(columns[0])
-        told = [column.shape for column in columns] + [(*counts.shape[:1], *counts.shape[2:])]
-        if told != [(trials,)] * len(columns) + [(trials, CHANNELS)] or any(c.dtype != np.int64 for c in self.results):
-            raise ValueError("results of trials are of other shapes")
         if len(self.best) not in (0, len(self.tables)):
             raise ValueError("a table that was kept is lost")
         for table in self.tables:
@@ -208,6 +203,20 @@ class Practice:
         """Return those that did best in the checks; those of now, where nothing was checked."""
         best = self.at.best or [table.values for table in self.at.tables]
         return [all_states(values, table.rows) for values, table in zip(best, self.at.tables, strict=True)]
+
+
+def read_results(parts: Mapping[str, NDArray[Any]]) -> Results:
+    """Return the results of trials that a checkpoint has.
+
+    Raises:
+        TypeError, ValueError: that is not what came.
+    """
+    *columns, counts = found = Results(**parts)
+    trials = len(columns[0])
+    told = [column.shape for column in columns] + [(*counts.shape[:1], *counts.shape[2:])]
+    if told != [(trials,)] * len(columns) + [(trials, CHANNELS)] or any(c.dtype != np.int64 for c in found):
+        raise ValueError("results of trials are of other shapes")
+    return found
 
 
 def joined(found: Sequence[Results]) -> Results:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviors.checkpoint import parts_of, read_checkpoint, with_prefix, write_checkpoint
-from behaviors.practice import Practice, Standing
+from behaviors.practice import Practice, Standing, read_results
 from behaviors.schedule.agents import NAMES, PERIODS, Agent, Duty, Period, new_agents, rates, where_nearer
 from behaviors.schedule.keeping import pack_agent, unpack_agent
 from behaviors.schedule.models import error_trace, exchange, prediction_errors, renew_models, stored_windows
@@ -85,17 +85,32 @@ class Course:
         """
         at, arrays = read_checkpoint(path, _identity(schedule, seed), remedy=_BEGIN_ANEW)
         course = cls(schedule, seed)
-        course.told = at["told"]
-        course.results = {name: Results(**parts_of(f"results.{name}", arrays)) for name in at["over"]}
-        course.skills = {name: bytes(data) for name, data in parts_of("skills", arrays).items()}
+        try:
+            course._unpack(at, arrays)
+        except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
+            raise InputError(f"{path} is damaged ({error}); {_BEGIN_ANEW}") from None
+        return course
+
+    def _unpack(self, at: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Stand where a checkpoint says; what is wrong in it is raised as it is found."""
+        if {name: type(part) for name, part in at["told"].items()} != {n: type(part) for n, part in self.told.items()}:
+            raise ValueError("what is to be told is lost")
+        over = [period.name for period in self._periods[: len(at["over"])]]
+        if at["over"] != over:
+            raise ValueError(f"the periods {at['over']} are over")
+        self.told = at["told"]
+        self.results = {name: read_results(parts_of(f"results.{name}", arrays)) for name in over}
+        self.skills = {name: bytes(data) for name, data in parts_of("skills", arrays).items()}
         passer, shooter = (
             unpack_agent(n, empty.settings, empty.store, header, parts_of(NAMES[n], arrays))
-            for n, (empty, header) in enumerate(zip(course.agents, at["agents"], strict=True))
+            for n, (empty, header) in enumerate(zip(self.agents, at["agents"], strict=True))
         )
-        course.agents = passer, shooter
+        self.agents = passer, shooter
+        for agent in self.agents:
+            agent.skill(self.schedule)  # whether models and values fit
+            agent.skill(self.schedule, old=True)
         if at["practice"] is not None:
-            course._prepare(Standing.unpack(at["practice"], parts_of("practice", arrays)))
-        return course
+            self._prepare(Standing.unpack(at["practice"], parts_of("practice", arrays)))
 
     def save(self, path: Path) -> None:
         """Write a checkpoint, whole or not at all.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,7 +15,7 @@ from behaviors.lpm import LocalPredictionModel
 from behaviors.schedule.agents import Agent
 from behaviors.schedule.recipe import LearnerSettings
 from behaviors.trials.minds import Store
-from coevo.skill.model import pack_models, unpack_models
+from coevo.skill.model import INPUTS, OBJECT_KINDS, pack_models, unpack_models
 
 __all__ = ["pack_agent", "unpack_agent"]
 
@@ -33,7 +34,28 @@ def _pack_predictors(known: Mapping[str, LocalPredictionModel]) -> tuple[dict[st
 
 def _unpack_predictors(header: Mapping[str, Any], arrays: Arrays) -> dict[str, LocalPredictionModel]:
     parts: dict[str, dict[str, Any]] = {kind: {**numbers, **parts_of(kind, arrays)} for kind, numbers in header.items()}
-    return {kind: LocalPredictionModel(**given) for kind, given in parts.items()}
+    return {kind: _checked(kind, LocalPredictionModel(**given)) for kind, given in parts.items()}
+
+
+def _checked(kind: str, model: LocalPredictionModel) -> LocalPredictionModel:
+    """Return a model whose parts fit each other, its object and an action.
+
+    Raises:
+        LookupError, TypeError, ValueError: they do not.
+    """
+    n, m, q = operator.index(model.order), INPUTS, OBJECT_KINDS[kind]
+    past = operator.index(model.history_length) * (m + q)
+    rank = np.shape(model.contribution)[:1]
+    wanted = {
+        "memory_matrix": (n, past), "past_mean": (past,), "action_mean": (m,), "observation_mean": (q,),
+        "A": (n, n), "B": (n, m), "C": (q, n), "D": (q, m), "residual_covariance": (q, q),
+        "contribution": rank, "aic": rank,
+    }
+    for name, shape in wanted.items():
+        part = getattr(model, name)
+        if part.dtype != np.float64 or part.shape != shape or not np.isfinite(part).all():
+            raise ValueError(f"the {name} of its model of {kind} does not fit")
+    return model
 
 
 def pack_agent(agent: Agent) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

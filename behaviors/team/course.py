@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from behaviors.actor_critic.ties import ties_drawn
 from behaviors.checkpoint import parts_of, read_checkpoint, with_prefix, write_checkpoint
 from behaviors.experience import make_models
-from behaviors.practice import Practice, Standing
+from behaviors.practice import Practice, Standing, read_results
 from behaviors.tabular.decisions import most_decisions
 from behaviors.tabular.table import pack_table, unpack_table
 from behaviors.team.recipe import TeamRecipe, TurnSettings, model_recipe
@@ -88,8 +88,11 @@ class TeamCourse:
                 for settings, header in zip(recipe.robots, at["members"], strict=True)
             ]
             course = cls(recipe, seed, members=members)
-            course.checks = at["checks"]
-            course.results = {name: Results(**parts_of(f"results.{name}", arrays)) for name in at["over"]}
+            over, checks = [turn.name for turn in recipe.turns[: len(at["over"])]], at["checks"]
+            if at["over"] != over or type(checks) is not list or any(type(one) is not dict for one in checks):
+                raise ValueError("it does not tell which turns are over, or what their checks found")
+            course.checks = checks
+            course.results = {name: read_results(parts_of(f"results.{name}", arrays)) for name in over}
             if at["practice"] is not None:
                 course._prepare(Standing.unpack(at["practice"], parts_of("practice", arrays)))
         except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:

@@ -15,9 +15,10 @@ from behaviors.trials.minds import Mind, make_minds, with_tables_of
 from behaviors.trials.task import CHANNELS, TEAM, Tally, TaskParams
 from coevo.config import WorldSettings
 from coevo.skill import SkillBank
+from coevo.soccer.drive import action_set
 from coevo.soccer.events import EventParams
 from coevo.soccer.world import World
-from coevo.stage import Trace, Venue, make_venue
+from coevo.stage import LEARNER, Trace, Venue, make_venue
 from coevo.stage.tape import blank_tape, no_tape, trace_of
 
 __all__ = ["Part", "Scene", "Watched", "make_scene", "no_results"]
@@ -124,6 +125,14 @@ def no_results(trials: int, robots: int = 0) -> Results:
     return Results(**{**columns, "counts": np.zeros((trials, robots, CHANNELS), np.int64)})
 
 
+def _check_table(part: Part, bank: SkillBank, actions: int) -> None:
+    states = int(bank.states[part.skill, : bank.models[part.skill]].prod())
+    table, criteria = part.mind.table, part.mind.criteria
+    channels = 0 if criteria is None else len(criteria.credits)
+    if (len(table.rows), *table.actor.shape[1:]) != (states, actions, channels):
+        raise ValueError("its table is of another skill")
+
+
 def make_scene(
     world: WorldSettings,
     task: TaskParams,
@@ -146,8 +155,14 @@ def make_scene(
         time_limit: of a trial [steps].
         hold: for how many steps, at least and at most, a robot holds a random action.
         regions: where the bodies of a task of two or of a team start.
+
+    Raises:
+        ValueError: a robot learns a table of another skill: compiled code would write beyond its end.
     """
     robots = len(parts)
+    for part in parts:
+        if part.role == LEARNER and not part.mind.learner.follows:
+            _check_table(part, bank, len(action_set(world.robot).codes))
     key = (msgspec.json.encode(world), robots)
     if key not in _worlds:
         _worlds[key] = World(world, robots)

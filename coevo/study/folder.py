@@ -233,9 +233,7 @@ def check_folder(path: Path, plan: Plan) -> None:
         raise InputError(f"cannot open {path}: {error.strerror or error}; choose another --out") from None
     there, new = check(StudySettings, read_toml(path / STUDY), str(path / STUDY)), plan.record
     different = [
-        name
-        for name in ("recipes", "set", "vary", "arms", "conditions")
-        if _plain(there, name) != _plain(new, name)
+        name for name in ("recipes", "set", "vary", "arms", "conditions") if _plain(there, name) != _plain(new, name)
     ]
     if different:
         what = different[0] if different[0] != "conditions" else "settings, which a recipe or a default now gives"

@@ -105,15 +105,16 @@ def _replaced(name: str, function: Callable[..., object]) -> None:
             setattr(module, name, function)
 
 
-MUTATIONS: dict[str, tuple[Callable[[], None], tuple[str, ...]]] = {
-    "skip-digest": (_skip_digest, ("damage",)),
-    "skip-parts": (_skip_parts, ("damage",)),
-    "skip-chain": (_skip_chain, ("damage",)),
-    "drop-fsync": (_drop_fsync, ("crashes",)),
-    "drop-rename": (_drop_rename, ("crashes",)),
-    "drop-lock": (_drop_lock, ("races",)),
-    "follow-links": (_follow_links, ("links",)),
-    "unbounded": (_unbounded, ("inputs",)),
+# By name what takes the part away, the family that must notice, and of which files it damages them.
+MUTATIONS: dict[str, tuple[Callable[[], None], str, str]] = {
+    "skip-digest": (_skip_digest, "damage", "*.csv"),
+    "skip-parts": (_skip_parts, "damage", "*.parquet"),
+    "skip-chain": (_skip_chain, "damage", "digests.txt"),
+    "drop-fsync": (_drop_fsync, "crashes", "*"),
+    "drop-rename": (_drop_rename, "crashes", "*"),
+    "drop-lock": (_drop_lock, "races", "*"),
+    "follow-links": (_follow_links, "links", "*"),
+    "unbounded": (_unbounded, "inputs", "*"),
 }
 
 
@@ -179,18 +180,18 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), help="how many cases at a time")
     parser.add_argument("--only", action="append", choices=FAMILIES, help="one family; may be repeated")
-    parser.add_argument("--files", default="*", help="which files of runs are damaged, such as 'digests.txt'")
+    parser.add_argument("--files", help="which files of runs are damaged, such as 'digests.txt'")
     parser.add_argument("--mutation", choices=MUTATIONS, help="take a part of the code away first: it must fail")
     given = parser.parse_args()
-    chosen = tuple(given.only or FAMILIES)
+    chosen, names = tuple(given.only or FAMILIES), given.files or "*"
     if given.mutation:
-        mutate, named = MUTATIONS[given.mutation]
+        mutate, family, of = MUTATIONS[given.mutation]
         mutate()
-        chosen = tuple(given.only or named)
+        chosen, names = tuple(given.only or (family,)), given.files or of
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="coevo-attack-") as work:
         prepare(small(), lambda text: print(text, file=sys.stderr))
-        cases = _cases(chosen, given.scale, given.files, random.Random(given.seed), Path(work))
+        cases = _cases(chosen, given.scale, names, random.Random(given.seed), Path(work))
         tallies = try_all(cases, jobs=given.jobs, batch=8, tell=lambda text: print(text, file=sys.stderr, flush=True))
     sound = _report(tallies, time.monotonic() - began)
     sys.stdout.flush()

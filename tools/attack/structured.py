@@ -6,16 +6,14 @@ import json
 import os
 import random
 import shutil
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import timedelta
 from itertools import cycle, islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Protocol
 
 import hypothesis
-import msgspec
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -24,46 +22,44 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 from inputs import mutated
 from runner import MOST_SECONDS, Case
+from texts import Kind, altered, as_toml, of_settings, of_trees
 
 from behaviors.checkpoint import write_checkpoint
 from behaviors.learning import Learning
-from behaviors.recipe import Recipe
 from behaviors.recipe import read_recipe as skill_recipe
-from coevo.config import RunSettings, check, check_experiment, override, to_toml
+from behaviors.schedule.course import Course
+from behaviors.schedule.recipe import read_schedule
+from behaviors.team.course import TeamCourse
+from behaviors.team.recipe import read_team
+from behaviors.team.scene import unlearned
 from coevo.errors import InputError
 from coevo.files import digest_of, pack_arrays, read_arrays
-from coevo.game import check_playable
-from coevo.recipes import read_recipe, recipe_names
 from coevo.run import open_run
 from coevo.skill import load_skill, skill_path
 from coevo.study.folder import ROW, finished_runs
 from coevo.study.plan import read_plan
-from coevo.tree import parse, simplify
 from coevo.tree.program import measure
 
 __all__ = ["structured"]
 
 _EXAMPLES = 20  # of one case
-
-_numbers = st.integers() | st.floats() | st.sampled_from((0, 1, -1, 2**31, 2**63, 2**64, 1e-300, 1e300, 0.5))
-_plain = st.booleans() | _numbers | st.text(max_size=20)
-_values = st.recursive(
-    _plain, lambda of: st.lists(of, max_size=4) | st.dictionaries(st.text(max_size=8), of, max_size=4), max_leaves=12
+_BLOCKS = 3  # of trials before a checkpoint
+_SET = (
+    *("trials=60", "games=20", "store.steps=3000", "store.least_windows=100", "store.report_orders=false"),
+    *("experience.windows=300", "time_limit_steps=150", "transfer.trials_e=0"),
+    *("transfer.trials_f=0", "passer.learning.check_games=10", "shooter.learning.check_games=10"),
 )
+_TEAM = (
+    "chapter5/shoot-and-pass",
+    ["trials=300", "time_limit_steps=60", "games=20", "learning.check_every=250", "learning.check_games=10"],
+)
+
 _tables = st.deferred(
     lambda: arrays_of.arrays(
         st.sampled_from(("u1", "i4", "i8", "f4", "f8", "bool", "<U3")),
         arrays_of.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=6),
     )
 )
-
-
-class _Kind(NamedTuple):
-    """Inputs of one kind. strategy: that makes them. attempt: reads one; it may raise nothing but ``InputError``."""
-
-    name: str
-    strategy: st.SearchStrategy[Any]
-    attempt: Callable[[Any], None]
 
 
 def structured(count: int, rng: random.Random, whole: Path, folder: Path) -> Iterator[Case]:
@@ -75,7 +71,7 @@ def structured(count: int, rng: random.Random, whole: Path, folder: Path) -> Ite
         whole: a finished run.
         folder: for files.
     """
-    kinds = [*_settings(), _trees(), _skills(folder), *_checkpoints(whole, folder), _parts(whole, folder)]
+    kinds = [*of_settings(), of_trees(), _skills(folder), *_checkpoints(whole, folder), _parts(whole, folder)]
     kinds += _studies(folder)
     for kind in islice(cycle(kinds), max(len(kinds), count // _EXAMPLES)):
         seed = rng.getrandbits(32)
@@ -88,7 +84,7 @@ def structured(count: int, rng: random.Random, whole: Path, folder: Path) -> Ite
         )
 
 
-def _try(kind: _Kind, seed: int) -> None:
+def _try(kind: Kind, seed: int) -> None:
     @hypothesis.seed(seed)
     @hypothesis.settings(
         max_examples=_EXAMPLES,
@@ -103,91 +99,6 @@ def _try(kind: _Kind, seed: int) -> None:
             kind.attempt(value)
 
     attempt()
-
-
-def _spots(data: object, path: tuple[object, ...] = ()) -> Iterator[tuple[object, ...]]:
-    """Yield the way to each value within plain data."""
-    pairs = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
-    for key, value in pairs:
-        yield (*path, key)
-        yield from _spots(value, (*path, key))
-
-
-def _changed(data: Any) -> st.SearchStrategy[Any]:
-    """Return a strategy of plain data in which one to three values are others, lacking, or more."""
-    spots, text = list(_spots(data)), json.dumps(data)
-    leaf = st.tuples(st.sampled_from(spots), st.sampled_from(("set", "set", "set", "drop", "add")), _values)
-
-    def change(changes: list[tuple[tuple[Any, ...], str, object]]) -> Any:
-        copy = json.loads(text)
-        for spot, how, value in changes:
-            with suppress(LookupError, TypeError):  # what is above it has been changed
-                at = copy
-                for key in spot[:-1]:
-                    at = at[key]
-                if how == "drop":
-                    del at[spot[-1]]
-                elif how == "add":
-                    at[f"{spot[-1]}x"] = value
-                else:
-                    at[spot[-1]] = value
-        return copy
-
-    return st.lists(leaf, min_size=1, max_size=3).map(change)
-
-
-def _as_toml(value: object) -> str:
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{json.dumps(str(key))} = {_as_toml(of)}" for key, of in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_as_toml, value)) + "]"
-    return repr(value) if isinstance(value, float) else json.dumps(value)
-
-
-# ------------------------------------------------------------------------------------------------ texts
-
-
-def _settings() -> list[_Kind]:
-    recipes = {name: read_recipe(name, "evolution") for name in recipe_names("evolution")}
-    experiment = msgspec.to_builtins(check_experiment(recipes["smoke"], "smoke"), builtin_types=())
-    skill = msgspec.to_builtins(skill_recipe("shoot"))
-    keys = st.sampled_from([".".join(map(str, spot)) for spot in _spots(experiment)]) | st.text(max_size=30)
-
-    def evolution(data: Any) -> None:
-        settings = check_experiment(data, "hypothesis")
-        if isinstance(settings, RunSettings):
-            check_playable(settings, ())
-        written = tomllib.loads(to_toml(settings))
-        assert check_experiment(written, "written") == settings, "settings are not read as they were written"
-
-    def learning(data: Any) -> None:
-        recipe = check(Recipe, data, "hypothesis")
-        assert check(Recipe, tomllib.loads(to_toml(recipe)), "written") == recipe, "a recipe is not read as written"
-
-    def assignment(given: tuple[str, object, str]) -> None:
-        key, value, text = given
-        for one in (f"{key}={_as_toml(value)}", f"{key}={text}", text):
-            with suppress(InputError):
-                check_experiment(override(recipes["smoke"], [one]), "hypothesis")
-
-    return [
-        _Kind("recipes (evolution)", _changed(experiment), evolution),
-        _Kind("recipes (skill)", _changed(skill), learning),
-        _Kind("--set", st.tuples(keys, _values, st.text(max_size=40)), assignment),
-    ]
-
-
-def _trees() -> _Kind:
-    words = st.sampled_from(
-        ("IF_ball_is_left", "IF_r1_is_lost", "shoot", "search", "(", ")", ", ", ",", " ", "IF_", "\n")
-    )
-
-    def attempt(pieces: list[str]) -> None:
-        tree = parse("".join(pieces))
-        assert parse(str(tree)) == tree, "a tree is not read as it was written"
-        assert simplify(tree).nodes <= tree.nodes, "a simplified tree has grown"
-
-    return _Kind("trees", st.lists(words | st.text(max_size=3), max_size=30), attempt)
 
 
 # ------------------------------------------------------------------------------------------------ arrays
@@ -234,10 +145,10 @@ def _text(data: object) -> Any:
     return np.frombuffer(json.dumps(data).encode("utf-8", "surrogatepass"), np.uint8)
 
 
-def _skills(folder: Path) -> _Kind:
+def _skills(folder: Path) -> Kind:
     arrays = read_arrays(skill_path("search"))
     header = json.loads(bytes(arrays["header"]))
-    made = st.tuples(_changed(header), st.just(arrays)) | st.tuples(st.just(header), _exchanged(arrays))
+    made = st.tuples(altered(header), st.just(arrays)) | st.tuples(st.just(header), _exchanged(arrays))
 
     def attempt(given: tuple[Any, dict[str, Any]]) -> None:
         about, changed = given
@@ -246,10 +157,10 @@ def _skills(folder: Path) -> _Kind:
         assert skill.digest == about["digest"], "a skill does not match its digest"
         assert len(skill.policy) == len(skill.values), "a skill has no policy"
 
-    return _Kind("skills", made, attempt)
+    return Kind("skills", made, attempt)
 
 
-def _checkpoints(whole: Path, folder: Path) -> list[_Kind]:
+def _checkpoints(whole: Path, folder: Path) -> list[Kind]:
     kept = read_arrays(whole / "checkpoint.npz")
     del kept["digest"]
     (folder / "runs").mkdir()
@@ -264,31 +175,56 @@ def _checkpoints(whole: Path, folder: Path) -> list[_Kind]:
             for codes in trees:
                 measure(codes, opened.game.function_set(role))
 
-    recipe = skill_recipe("search")
-    first = folder / "learning.npz"
-    learning = Learning(recipe, seed=1, trials=1000)
-    learning.advance()
+    skill, schedule, team = skill_recipe("search"), read_schedule("chapter3/schedule", _SET), read_team(*_TEAM)
+    return [
+        Kind("checkpoints (evolution)", _exchanged(kept), of_run),
+        _of_learning(
+            "learning",
+            Learning(skill, seed=1, trials=1000),
+            lambda path: Learning.load(path, skill, seed=1, trials=1000),
+            folder,
+        ),
+        _of_learning("set", Course(schedule, 1), lambda path: Course.load(path, schedule, 1), folder),
+        _of_learning(
+            "team", TeamCourse(team, 1, members=unlearned(team)), lambda path: TeamCourse.load(path, team, 1), folder
+        ),
+    ]
+
+
+class _UnderWay(Protocol):
+    """A learning a block of trials at a time."""
+
+    @property
+    def is_finished(self) -> bool: ...
+
+    def advance(self) -> object: ...
+
+    def save(self, path: Path) -> None: ...
+
+
+def _of_learning(name: str, learning: _UnderWay, load: Callable[[Path], _UnderWay], folder: Path) -> Kind:
+    """Return checkpoints of a learning whose header or arrays are others, with a digest that is right."""
+    first = folder / f"{name}.npz"
+    for _ in range(_BLOCKS):
+        learning.advance()
     learning.save(first)
     parts = read_arrays(first)
     about = json.loads(bytes(parts["header"]))
     parts = {name: array for name, array in parts.items() if name not in ("digest", "header", "format", "code")}
-    made = st.tuples(_changed(about["at"]), st.just(parts)) | st.tuples(st.just(about["at"]), _exchanged(parts))
+    made = st.tuples(altered(about["at"]), st.just(parts)) | st.tuples(st.just(about["at"]), _exchanged(parts))
 
-    def of_learning(given: tuple[Any, dict[str, Any]]) -> None:
+    def attempt(given: tuple[Any, dict[str, Any]]) -> None:
         at, changed = given
-        path = _own(folder) / "learning.npz"
+        path = _own(folder) / f"{name}.npz"
         write_checkpoint(path, about["learning"], at, changed)
-        gone_on = Learning.load(path, recipe, seed=1, trials=1000)
+        gone_on = load(path)
         if not gone_on.is_finished:
             gone_on.advance()
 
-    return [
-        _Kind("checkpoints (evolution)", _exchanged(kept), of_run),
-        _Kind("checkpoints (learning)", made, of_learning),
-    ]
+    return Kind(f"checkpoints ({name})", made, attempt)
 
 
-def _parts(whole: Path, folder: Path) -> _Kind:
+def _parts(whole: Path, folder: Path) -> Kind:
     source = Path(shutil.copytree(whole, folder / "source"))
     (source / "digests.txt").unlink()  # so that it is for nobody to know that it was changed
     (source / "checkpoint.npz").unlink()
@@ -323,13 +259,13 @@ def _parts(whole: Path, folder: Path) -> _Kind:
                 read()
 
     changes = st.lists(st.tuples(st.sampled_from(table.column_names), st.none() | column), min_size=1, max_size=2)
-    return _Kind("parts", changes, attempt)
+    return Kind("parts", changes, attempt)
 
 
 # ------------------------------------------------------------------------------------------------ studies
 
 
-def _studies(folder: Path) -> list[_Kind]:
+def _studies(folder: Path) -> list[Kind]:
     study = {
         "kind": "study",
         "recipes": ["smoke"],
@@ -340,7 +276,7 @@ def _studies(folder: Path) -> list[_Kind]:
     }
 
     def plan(data: dict[str, Any]) -> None:
-        text = "".join(f"{json.dumps(str(key))} = {_as_toml(value)}\n" for key, value in data.items())
+        text = "".join(f"{json.dumps(str(key))} = {as_toml(value)}\n" for key, value in data.items())
         with _file(_own(folder) / "study.toml", text.encode("utf-8", "replace")) as path:
             read_plan(str(path))
 
@@ -363,6 +299,6 @@ def _studies(folder: Path) -> list[_Kind]:
 
     (folder / "tables").mkdir()
     return [
-        _Kind("studies", _changed(study), plan),
-        _Kind("rows of studies", st.tuples(_changed(rows), st.integers(0, 2**32)), tables),
+        Kind("studies", altered(study), plan),
+        Kind("rows of studies", st.tuples(altered(rows), st.integers(0, 2**32)), tables),
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 
 import numpy as np
 import pytest
@@ -212,3 +213,42 @@ def test_a_changed_byte_is_noticed_or_does_not_matter(stopped):
 def test_nothing_is_kept_before_it_is_time(small_schedule, tmp_path):
     run_until(small_schedule(*BLOCKS), 2, tmp_path / "set.npz")  # long before the first save is due
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("where", "what"),
+    [
+        ("told", {"checks": []}),
+        ("over", ["B"]),
+        ("agents", []),
+        ("practice.states", [3, 3]),
+        ("shooter.predictors.ball.C", np.zeros((4, 1))),
+        ("shooter.predictors.ball.past_mean", np.full(12, "x")),
+        ("passer.store.areas", np.zeros((2, 3))),
+        ("practice.results.ends", np.zeros(4)),
+        ("practice.table0.values", np.zeros((5, 2))),
+        ("practice.table0.values", None),
+    ],
+)
+@pytest.mark.usefixtures("saving")
+def test_what_does_not_fit_is_refused_though_its_digest_is_right(small_schedule, tmp_path, where, what):
+    schedule, path = small_schedule(*BLOCKS), tmp_path / "set.npz"
+    run_until(schedule, 3, path)  # after the first block of B
+    arrays = read_arrays(path)
+    header = json.loads(bytes(arrays["header"]))
+    parts = {name: part for name, part in arrays.items() if name not in ("digest", "header", "format", "code")}
+    part, _, name = where.partition(".")
+    if part in header["at"] and name != "results.ends" and not name.startswith("table0"):
+        if name:
+            header["at"][part][name] = what
+        else:
+            header["at"][part] = what
+    else:
+        assert where in parts, sorted(parts)
+        if what is None:
+            del parts[where]
+        else:
+            parts[where] = what
+    checkpoint.write_checkpoint(path, header["learning"], header["at"], parts)
+    with pytest.raises(InputError, match=r"is damaged.*; remove it, and the set begins anew"):
+        run_set(schedule, 0, checkpoint=path)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from behaviors.recipe import Recipe, read_recipe
+from behaviors.tabular.table import make_table
 from behaviors.trials import task as tasks
 from behaviors.trials.solo import provisional_skill, solo_scene
 from behaviors.trials.task import (
@@ -43,12 +44,18 @@ def recipe_of(name):
     return check(Recipe, {"name": name, "task": name, "objects": [{"kind": "own_goal"}], **parts}, name)
 
 
+def ignorant(recipe, role):
+    """Return the scene of a robot that knows nothing."""
+    skill = provisional_skill(recipe)
+    return solo_scene(recipe, skill, role, table=make_table(*skill.values.shape))
+
+
 def verdict(
     name, *, ball=(4.0, 2.0), robot=(3.0, 2.0), gaps=(1.0, 1.0), robots_apart=1.0, sees_ball=False, before=(), time=100
 ):
     """Return how a trial stands in a situation; ``before``: (time, gaps to the ball) of steps that came before."""
     recipe = recipe_of(name)
-    scene = solo_scene(recipe, provisional_skill(recipe), LEARNER)
+    scene = ignorant(recipe, LEARNER)
     stage, tally = scene.venue.stage, scene.trial.tally
     body, robots = stage.body, len(stage.roles.role)
     body.state[-1, :2], body.state[0, :2] = ball, robot
@@ -101,7 +108,7 @@ def test_passing_ends_with_the_game_s_own_event():
 
 def test_the_window_of_a_pass_is_that_of_the_world_s_rules():
     recipe = read_recipe("pass", ["world.rules.pass_window_s=1.0"])
-    assert solo_scene(recipe, provisional_skill(recipe), LEARNER).venue.stage.limits.pass_window == 30
+    assert ignorant(recipe, LEARNER).venue.stage.limits.pass_window == 30
 
 
 def test_avoiding_ends_with_a_collision_only():
@@ -151,7 +158,7 @@ def ends_of(objects, seen, *, role=LEARNER, patience=5, name="pass"):
     things = {"ball": BALL, "own_goal": OWN_GOAL, "mate": ROBOTS}
     plain = {"name": name, "task": name, "objects": [{"kind": kind, "needed": needed} for kind, needed in objects]}
     recipe = check(Recipe, {**plain, "mover": {"kind": "standing"}, "learning": {"patience_steps": patience}}, name)
-    scene = solo_scene(recipe, provisional_skill(recipe), role)
+    scene = ignorant(recipe, role)
     stage = scene.venue.stage
     stage.body.state[:, :2] = (3.0, 2.0), (5.0, 2.0), (4.0, 3.0)
     stage.body.ball_gap[:] = stage.body.robot_gap[:] = 1.0

@@ -14,7 +14,7 @@ import pandas as pd
 
 from coevo.config import read_toml
 from coevo.errors import InputError
-from coevo.soundness import require_tables_of_learning
+from coevo.soundness import require_as_learned
 from coevo.study.folder import finished_runs
 
 __all__ = ["Arms", "Learned", "Stay", "read_arms"]
@@ -163,7 +163,7 @@ def read_arms(folder: Path) -> Arms:
 
 
 def _read_run(path: Path, arm: str, row: Mapping[str, str]) -> Learned:
-    require_tables_of_learning(path)
+    require_as_learned(path)
     recipe = read_toml(path / "recipe.toml")
     if "curriculum" not in recipe:
         raise InputError(f"{path} was not learned from easy to hard: its recipe has no [curriculum]")

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from coevo.errors import InputError
-from coevo.soundness import require_tables_of_learning
+from coevo.soundness import require_as_learned
 from coevo.study.folder import finished_runs
 
 __all__ = ["CARD", "WHILE", "Arms", "Rewarded", "common", "read_arms", "read_runs"]
@@ -92,7 +92,7 @@ def read_runs(folder: Path) -> list[tuple[str, int, dict[str, str], pd.DataFrame
     """
     found = []
     for path, row in finished_runs(folder):
-        require_tables_of_learning(path)
+        require_as_learned(path)
         try:
             blocks = pd.read_csv(path / "frequencies.csv")
         except FileNotFoundError:

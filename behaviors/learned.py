@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
-
-import msgspec
 
 from behaviors.curriculum import CHECKS, TABLES
 from behaviors.frequencies import FREQUENCIES
@@ -20,14 +17,14 @@ from coevo.console import put_off_interrupt
 from coevo.errors import InputError
 from coevo.files import make_folder, write_whole
 from coevo.folder import held
-from coevo.skill import Skill, card_digest, load_skill, read_card
+from coevo.seal import seal, unseal
+from coevo.skill import Skill, load_skill, read_card
 
 __all__ = [
     "CARD_GAMES",
     "CHECKPOINT",
     "SKILL",
     "UnderWay",
-    "card_bytes",
     "card_of",
     "go_on",
     "go_on_while_wanted",
@@ -138,25 +135,18 @@ def write_learned(
         The card, with digests of what the learning tells besides.
     """
     files = learning.files()
-    if files:
-        card = {**card, "files": {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}}
+    data = seal(card, files)
     with writing(folder):
         for name in (*TABLES, CHECKS, FREQUENCIES):
             (folder / name).unlink(missing_ok=True)
-        for name, data in files.items():
-            write_whole(folder / name, data)
+        for name, content in files.items():
+            write_whole(folder / name, content)
         if recipe is not None:
             write_whole(folder / "recipe.toml", to_toml(recipe).encode())
         skill.save(folder / SKILL)
-        write_whole(folder / "card.json", card_bytes(card))
+        write_whole(folder / "card.json", data)
         (folder / CHECKPOINT).unlink(missing_ok=True)
-    return card
-
-
-def card_bytes(card: dict[str, Any]) -> bytes:
-    """Return the file that holds a card, with its digest."""
-    told = msgspec.json.decode(msgspec.json.encode(card))
-    return msgspec.json.format(msgspec.json.encode({**told, "sha256": card_digest(told)}), indent=2) + b"\n"
+    return unseal(data)
 
 
 def card_of(folder: Path, recipe: Recipe) -> dict[str, Any] | None:

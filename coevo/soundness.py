@@ -10,22 +10,30 @@ from typing import Any, NamedTuple
 
 from coevo.environment import environment
 from coevo.errors import InputError
-from coevo.files import parse_json
+from coevo.files import parse_json, read_text
 from coevo.folder import read_lines
 from coevo.levels import level_lines
 from coevo.run import Run
 from coevo.run_reader import AGAIN, CHAMPIONS, DIGESTS, OLDER, part_name, why_unsound
+from coevo.seal import FILES, unseal
 from coevo.skill import load_skill, read_card
 
 __all__ = [
+    "SUMMARIES",
     "Finding",
     "check_run",
     "check_skill",
+    "check_summary",
     "differences",
+    "require_as_learned",
     "require_sound",
-    "require_tables_of_learning",
     "restore",
 ]
+
+
+# Of a skill, of robots that learned by turns, and of a set of chapter 3: each speaks of the files beside it.
+SUMMARIES = ("card.json", "team.json", "set.json")
+_LEARN = "remove this folder, and learn again by the same command"
 
 
 class Finding(NamedTuple):
@@ -217,22 +225,32 @@ def check_skill(folder: Path) -> list[Finding]:
         return [*found, Finding("card.json", "damaged", why) if there else Finding("card.json", "missing")]
     if card.get("digest") != skill.digest:
         return [*found, Finding("card.json", "damaged", f"{folder / 'card.json'} is the card of another skill")]
-    return [*found, Finding("card.json", "sound"), *_of_tables_of_learning(folder, card)]
+    return [*found, Finding("card.json", "sound"), *_beside(folder, card)]
 
 
-def _of_tables_of_learning(folder: Path, card: Mapping[str, Any]) -> Iterator[Finding]:
-    remedy = "learn the skill again with 'coevo learn'"
-    for name, digest in dict(card.get("files", {})).items():
-        why = why_unsound(folder, name, digest, remedy) if Path(name).name == name else "it is no name of a file"
+def _beside(folder: Path, told: Mapping[str, Any]) -> Iterator[Finding]:
+    """Yield what was found of the files that a summary speaks of."""
+    for name, digest in dict(told.get(FILES, {})).items():
+        why = why_unsound(folder, name, digest, _LEARN) if Path(name).name == name else "it is no name of a file"
         yield Finding(name, "damaged" if why else "sound", why)
 
 
-def require_tables_of_learning(folder: Path) -> None:
-    """Refuse the folder of a learned skill whose tables are not those that its card tells of, if it has a card.
+def check_summary(path: Path) -> list[Finding]:
+    """Return whether a summary of what was learned is sound, and the files beside it that it speaks of."""
+    try:
+        told = unseal(read_text(path))
+    except (OSError, ValueError) as error:
+        return [Finding(path.name, "damaged", f"{path} is damaged ({error}); {_LEARN}")]
+    return [Finding(path.name, "sound"), *_beside(path.parent, told)]
+
+
+def require_as_learned(folder: Path) -> None:
+    """Refuse a folder of what was learned in which something is not as its summaries tell.
 
     Raises:
         InputError: says what, and what to do.
     """
-    for finding in _of_tables_of_learning(folder, read_card(folder / "skill.npz")):
-        if finding.state == "damaged":
-            raise InputError(finding.why)
+    for name in SUMMARIES:
+        for finding in check_summary(folder / name) if (folder / name).exists() else ():
+            if finding.state == "damaged":
+                raise InputError(finding.why)

@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from behaviors.learned import card_bytes
 from coevo.chain import Chain, sha256
 from coevo.errors import InputError
 from coevo.files import begin_file, lock, make_folder, read_arrays, read_text, read_whole, write_whole
 from coevo.kept import with_kept_skills
 from coevo.run import create_run, open_run
+from coevo.seal import seal
 from coevo.skill import load_skill, read_card, skill_path
-from coevo.soundness import check_run, require_sound, require_tables_of_learning, restore
+from coevo.soundness import check_run, require_as_learned, require_sound, restore
 from coevo.tree import parse, simplify
 
 ROOT = Path(__file__).parents[1]
@@ -163,18 +163,19 @@ def test_what_was_altered_is_refused_by_who_reads_it(coevo, copied_run, tmp_path
 def test_a_card_that_was_altered_is_told(coevo, tmp_path):
     shutil.copy(skill_path("search"), tmp_path / "skill.npz")
     (tmp_path / "levels.csv").write_text("trial,event\n")
-    card = {**read_card("search"), "files": {"levels.csv": sha256(b"trial,event\n")}}
-    path = tmp_path / "card.json"
-    path.write_bytes(card_bytes(card))
-    assert read_card(tmp_path / "skill.npz") == card
+    path, card = tmp_path / "card.json", seal(read_card("search"), {"levels.csv": b"trial,event\n"})
+    path.write_bytes(card)
+    assert read_card(tmp_path / "skill.npz") == read_card("search") | {
+        "files": {"levels.csv": sha256(b"trial,event\n")}
+    }
     assert coevo("check", tmp_path).code == 0
     change(path, b'"success_rate": 0.9', b'"success_rate": 0.8')
     said = coevo("check", tmp_path)
     assert (said.code, f"{path} is damaged: it does not match its digest" in said.out) == (1, True)
-    path.write_bytes(card_bytes(card))
+    path.write_bytes(card)
     change(tmp_path / "levels.csv", b"event", b"evend")
     with pytest.raises(InputError, match=r"levels\.csv is damaged or was changed"):
-        require_tables_of_learning(tmp_path)
+        require_as_learned(tmp_path)
     assert coevo("check", tmp_path).code == 1
 
 

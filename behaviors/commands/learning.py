@@ -168,8 +168,9 @@ def _refuse(checkpoint: Path) -> None:
 def _finished(folder: Path, recipe: Recipe, games: int) -> dict[str, Any]:
     """Return the card of a learning that is finished; one that a kill has kept from being written is made."""
     from behaviors.cards import make_card
-    from behaviors.learned import SKILL, card_bytes, card_of, is_learned, writing
+    from behaviors.learned import SKILL, card_of, is_learned, writing
     from coevo.files import write_whole
+    from coevo.seal import seal
     from coevo.seeds import StartsSeed
     from coevo.skill import load_skill
 
@@ -186,7 +187,7 @@ def _finished(folder: Path, recipe: Recipe, games: int) -> dict[str, Any]:
     if card is None:
         card = make_card(recipe, skill, games=games, seed=StartsSeed.CARDS)
         with writing(folder):
-            write_whole(folder / "card.json", card_bytes(card))
+            write_whole(folder / "card.json", seal(card))
     return card
 
 

@@ -47,9 +47,17 @@ def _checked(kind: str, model: LocalPredictionModel) -> LocalPredictionModel:
     past = operator.index(model.history_length) * (m + q)
     rank = np.shape(model.contribution)[:1]
     wanted = {
-        "memory_matrix": (n, past), "past_mean": (past,), "action_mean": (m,), "observation_mean": (q,),
-        "A": (n, n), "B": (n, m), "C": (q, n), "D": (q, m), "residual_covariance": (q, q),
-        "contribution": rank, "aic": rank,
+        "memory_matrix": (n, past),
+        "past_mean": (past,),
+        "action_mean": (m,),
+        "observation_mean": (q,),
+        "A": (n, n),
+        "B": (n, m),
+        "C": (q, n),
+        "D": (q, m),
+        "residual_covariance": (q, q),
+        "contribution": rank,
+        "aic": rank,
     }
     for name, shape in wanted.items():
         part = getattr(model, name)

@@ -19,8 +19,9 @@ from behaviors.trials.kernels import run_trials
 from coevo.compiled import is_compiled
 from coevo.config import FileSettings, check, file_kind, to_toml
 from coevo.errors import InputError
-from coevo.files import DamagedFileError, parse_json, read_text, write_whole
+from coevo.files import read_text, read_whole, write_whole
 from coevo.recipes import recipe_names, recipe_path
+from coevo.seal import FILES, seal, unseal
 from coevo.seeds import SetStream
 from coevo.study import table_bytes
 from coevo.study.kinds import Cell, Headlines
@@ -93,15 +94,15 @@ def learn_team(recipe: TeamRecipe, folder: Path, tick: Callable[[], None]) -> di
         course = _under_way(recipe, checkpoint)
         go_on_while_wanted(course, folder, tick)
         told = _summary(recipe, course)
+        files = {FREQUENCIES: table_bytes(course.frequencies()), _CHECKS: table_bytes(_checks(course))}
+        files |= {f"{name}.npz": skill.to_bytes() for name, skill in course.skills().items()}
+        data = seal(told, files)
         with writing(folder):
-            write_whole(folder / FREQUENCIES, table_bytes(course.frequencies()))
-            write_whole(folder / _CHECKS, table_bytes(_checks(course)))
-            write_whole(folder / "recipe.toml", to_toml(recipe).encode())
-            for name, skill in course.skills().items():
-                skill.save(folder / f"{name}.npz")
-            write_whole(folder / TEAM, msgspec.json.format(msgspec.json.encode(told), indent=2) + b"\n")
+            for name, content in {**files, "recipe.toml": to_toml(recipe).encode()}.items():
+                write_whole(folder / name, content)
+            write_whole(folder / TEAM, data)
             checkpoint.unlink(missing_ok=True)
-    return told
+    return unseal(data)
 
 
 def _under_way(recipe: TeamRecipe, checkpoint: Path) -> TeamCourse:
@@ -148,10 +149,11 @@ def _summary(recipe: TeamRecipe, course: TeamCourse) -> dict[str, Any]:
 
 def _told(folder: Path) -> dict[str, Any]:
     try:
-        told: dict[str, Any] = parse_json(read_text(folder / TEAM))
-    except (OSError, ValueError, DamagedFileError):  # learned again
+        told = unseal(read_text(folder / TEAM))
+        files = {name: hashlib.sha256(read_whole(folder / name)).hexdigest() for name in told.get(FILES, {})}
+    except (OSError, TypeError, ValueError):  # learned again
         return {}
-    return told
+    return told if files == told.get(FILES, {}) else {}
 
 
 def _row(told: Mapping[str, Any]) -> dict[str, Cell]:

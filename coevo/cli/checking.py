@@ -53,9 +53,10 @@ def check(*, folders: tuple[Path, ...], as_json: bool, quiet: bool) -> None:
 def _runs(folders: tuple[Path, ...]) -> Iterator[Path]:
     """Yield the folders of runs and skills, of studies those within."""
     for folder in folders:
-        inner = sorted(path.parent for path in folder.glob("*/config.toml"))
-        inner += sorted(path.parent for path in folder.glob("*/skill.npz"))
-        if (folder / "config.toml").exists() or (folder / "skill.npz").exists() or not inner:
+        kinds = "config.toml", "skill.npz", "team.json", "set.json"
+        inner = [path.parent for kind in kinds for path in sorted(folder.glob(f"*/{kind}"))]
+        inner = inner or [path.parent for path in sorted(folder.glob("*/*/set.json"))]
+        if any((folder / kind).exists() for kind in kinds) or not inner:
             yield folder
         else:
             yield from inner
@@ -69,10 +70,16 @@ def _of_study(path: Path) -> list[Finding]:
 
 def _findings(path: Path) -> list[Finding]:
     from coevo.run import open_run
-    from coevo.soundness import Finding, check_run, check_skill
+    from coevo.soundness import SUMMARIES, Finding, check_run, check_skill, check_summary
+    from coevo.study.sets import check_set
 
     if not (path / "config.toml").exists() and (path / "skill.npz").exists():
         return check_skill(path)
+    if (path / "set.json").exists():
+        return check_set(path)
+    for name in SUMMARIES:
+        if (path / name).exists():
+            return check_summary(path / name)
     try:
         run = open_run(path, altered=True)
     except InputError as error:

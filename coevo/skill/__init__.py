@@ -4,7 +4,6 @@ from coevo.skill.bank import SkillBank, make_bank
 from coevo.skill.model import (
     ObjectModel,
     Skill,
-    card_digest,
     installed_skills,
     load_skill,
     read_card,
@@ -17,7 +16,6 @@ __all__ = [
     "ObjectModel",
     "Skill",
     "SkillBank",
-    "card_digest",
     "check_world",
     "installed_skills",
     "load_skill",

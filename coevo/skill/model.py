@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from coevo.config import RobotSettings
 from coevo.errors import InputError, nearest_name
 from coevo.files import DamagedFileError, pack_arrays, parse_json, read_arrays, read_text, write_whole
+from coevo.seal import unseal
 from coevo.soccer.drive import action_set
 
 __all__ = [
@@ -25,7 +26,6 @@ __all__ = [
     "OBJECT_KINDS",
     "ObjectModel",
     "Skill",
-    "card_digest",
     "installed_skills",
     "load_skill",
     "pack_models",
@@ -359,22 +359,11 @@ def read_card(source: str | Path) -> dict[str, Any]:
     """
     path = skill_path(source).with_name("card.json")
     try:
-        card = parse_json(read_text(path))
+        return unseal(read_text(path))
     except OSError:
         return {}
-    except ValueError:
-        raise InputError(f"{path} is not valid JSON; make it again with 'coevo skills evaluate'") from None
-    if not isinstance(card, dict):
-        return {}
-    digest = card.pop("sha256", None)  # older ones have none
-    if digest not in (None, card_digest(card)):
-        raise InputError(f"{path} is damaged: it does not match its digest; learn the skill again with 'coevo learn'")
-    return card
-
-
-def card_digest(card: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a card."""
-    return hashlib.sha256(json.dumps(card, sort_keys=True).encode()).hexdigest()
+    except ValueError as error:
+        raise InputError(f"{path} is damaged: {error}; learn the skill again with 'coevo learn'") from None
 
 
 def skill_description(source: str | Path) -> str:

@@ -15,12 +15,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from coevo.chain import sha256
 from coevo.errors import InputError
-from coevo.files import make_folder, parse_json, read_text, write_whole
+from coevo.files import make_folder, parse_json, read_text, read_whole, write_whole
+from coevo.run_reader import why_unsound
+from coevo.seal import FILES, seal, unseal
+from coevo.soundness import Finding, check_summary
 
-__all__ = ["StoredSet", "StudyMethod", "open_method", "read_set", "read_sets", "table_bytes", "write_set"]
+__all__ = ["StoredSet", "StudyMethod", "check_set", "open_method", "read_set", "read_sets", "table_bytes", "write_set"]
 
 _SETTINGS, _SUMMARY = "settings.json", "set.json"
+_OF = "settings_sha256"  # in the summary
 
 
 @dataclass(frozen=True)
@@ -92,7 +97,8 @@ def write_set(method: StudyMethod, number: int, summary: bytes, files: Mapping[s
     Raises:
         OSError: it cannot be written.
     """
-    folder = method.set_folder(number)
+    folder, settings = method.set_folder(number), read_whole(method.folder / _SETTINGS)
+    summary = seal({**parse_json(summary), _OF: sha256(settings)}, files)
     partial = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
@@ -122,23 +128,40 @@ def table_bytes(rows: Sequence[Mapping[str, Any]], columns: Sequence[str] = ()) 
     return text.getvalue().encode()
 
 
+def check_set(folder: Path) -> list[Finding]:
+    """Return what is sound of a set: what it came to, its files, and the settings of its method."""
+    found, path = check_summary(folder / _SUMMARY), folder.parent / _SETTINGS
+    if found[0].state == "sound":
+        known, why = unseal(read_text(folder / _SUMMARY)).get(_OF), ""
+        if known is not None:
+            why = why_unsound(folder.parent, _SETTINGS, known, "put it back as it was")
+        found.append(Finding(f"../{path.name}", "damaged" if why else "sound", why))
+    return found
+
+
 def read_set(folder: Path) -> tuple[StoredSet, dict[str, Any]]:
     """Return one finished set, and the settings of its method.
 
     Raises:
-        InputError: there is none, or it cannot be read.
+        InputError: there is none, it cannot be read, or it is not as it was written.
     """
     read = []
     for path in (folder / _SUMMARY, folder.parent / _SETTINGS):
         try:
-            read.append(parse_json(read_text(path)))
+            read.append(unseal(read_text(path)))
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) else error
             raise InputError(
                 f"{folder} is no finished set: cannot read {path} ({reason}); name a folder such as"
                 " runs/chapter3/schedule/set-00"
             ) from None
-    return StoredSet(folder, read[0]), read[1]
+    summary, settings = read
+    for finding in check_set(folder):
+        if finding.state == "damaged":
+            raise InputError(finding.why)
+    for name in (_OF, FILES):
+        summary.pop(name, None)
+    return StoredSet(folder, summary), settings
 
 
 def read_sets(study: Path) -> dict[str, list[StoredSet]]:

@@ -26,6 +26,24 @@ def test_a_set_is_read_as_it_was_written(method):
     assert method.missing(3) == [0, 2]
 
 
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("set-01/trials.csv", b"0.25", b"0.35"),
+        ("set-01/passer.npz", b"skill", b"skull"),
+        ("set-01/set.json", b'"set": 1', b'"set": 2'),
+        ("settings.json", b"{}", b'{"trials": 1}'),
+    ],
+)
+def test_a_set_that_was_altered_is_not_read(method, coevo, name, old, new):
+    assert coevo("check", method.folder.parent).code == coevo("check", method.folder / "set-01").code == 0
+    path = method.folder / name
+    path.write_bytes(path.read_bytes().replace(old, new))
+    with pytest.raises(InputError, match=r"damaged|does not match its digest"):
+        read_sets(method.folder.parent)
+    assert coevo("check", method.folder).code == 1
+
+
 def test_no_rows_are_an_empty_table(method):
     write_set(method, 0, b"{}", {"checks.csv": table_bytes([])})
     assert read_sets(method.folder.parent)["previous"][0].rows("checks.csv") == []

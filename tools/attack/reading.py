@@ -13,23 +13,29 @@ from typing import NamedTuple
 from unittest import mock
 
 import click
+import msgspec
 from damage import every, spoil
 from folders import SLOW, SMALL
 from runner import Case
+from structured import SET, TEAM
 
 from behaviors.learning import Learning
 from behaviors.recipe import read_recipe
+from behaviors.schedule.recipe import read_schedule
+from behaviors.studies.chapter3 import run_set
+from behaviors.studies.team import learn_team
+from behaviors.team.recipe import read_team
 from coevo.cli.commands import cli
 from coevo.errors import InputError
 from coevo.skill import load_skill, read_card
-from coevo.study import cores
+from coevo.study import cores, open_method, read_sets, write_set
 from coevo.study.folder import finished_runs
 from coevo.study.task import do
 
 __all__ = ["readings"]
 
 _LEARN = ("learn", "search", "--trials", "1000", "--games", "50", "--json", "--quiet")
-_READS = 18  # kinds of them
+_READS = 20  # kinds of them
 _STUDIES = {
     "evolution": 'kind = "study"\nrecipes = ["smoke"]\nseeds = 2\n[set]\n'
     + "".join(f'"{key}" = {value}\n' for key, _, value in (one.partition("=") for one in SMALL)),
@@ -89,6 +95,31 @@ def _page(*arguments: str) -> Callable[[Path], object]:
 def _learned(path: Path) -> object:
     command(*_LEARN, "--resume", "--out", path)
     return load_skill(path / "skill.npz").digest, read_card(path / "skill.npz")  # the recipe is there to be edited
+
+
+def _of_several(folder: Path) -> Iterator[_Read]:
+    """Yield what robots learned together: a set of chapter 3, and turns of chapter 5."""
+    schedule = read_schedule("chapter3/schedule", SET)
+    files = run_set(schedule, 0)
+    settings = msgspec.json.format(msgspec.json.encode(schedule)).decode()
+    write_set(open_method(folder / "sets" / "schedule", settings), 0, files.pop("set.json"), files)
+    yield _Read("sets of chapter 3", folder / "sets", _sets)
+    name, changes = TEAM
+    learn_team(read_team(name, changes), folder / "team", lambda: None)
+    yield _Read("a team that is checked", folder / "team", _checked(_team))
+
+
+def _sets(path: Path) -> object:
+    return {
+        name: [(one.summary, one.rows("trials.csv"), load_skill(one.folder / "passer.npz").digest) for one in sets]
+        for name, sets in read_sets(path).items()
+    }
+
+
+def _team(path: Path) -> object:
+    names = sorted(one.name for one in path.iterdir() if one.suffix in (".csv", ".json"))
+    skills = [load_skill(one).digest for one in sorted(path.glob("*.npz"))]
+    return [(one, (path / one).read_bytes()) for one in names], skills
 
 
 def _study(source: Path) -> Callable[[Path], object]:
@@ -175,7 +206,8 @@ def readings(count: int, rng: random.Random, whole: Path, folder: Path) -> Itera
         whole: a finished run.
         folder: for copies.
     """
-    for number, read in enumerate(chain(_of_runs(whole, folder), _of_skills(folder), _of_studies(folder))):
+    kinds = chain(_of_runs(whole, folder), _of_skills(folder), _of_several(folder), _of_studies(folder))
+    for number, read in enumerate(kinds):
         sound = Path(shutil.copytree(read.folder, folder / f"sound-{number}"))
         expected = read.reads(sound)
         shutil.rmtree(sound)

@@ -40,16 +40,16 @@ from coevo.study.folder import ROW, finished_runs
 from coevo.study.plan import read_plan
 from coevo.tree.program import measure
 
-__all__ = ["structured"]
+__all__ = ["SET", "TEAM", "structured"]
 
 _EXAMPLES = 20  # of one case
 _BLOCKS = 3  # of trials before a checkpoint
-_SET = (
+SET = (
     *("trials=60", "games=20", "store.steps=3000", "store.least_windows=100", "store.report_orders=false"),
     *("experience.windows=300", "time_limit_steps=150", "transfer.trials_e=0"),
     *("transfer.trials_f=0", "passer.learning.check_games=10", "shooter.learning.check_games=10"),
 )
-_TEAM = (
+TEAM = (
     "chapter5/shoot-and-pass",
     ["trials=300", "time_limit_steps=60", "games=20", "learning.check_every=250", "learning.check_games=10"],
 )
@@ -175,7 +175,7 @@ def _checkpoints(whole: Path, folder: Path) -> list[Kind]:
             for codes in trees:
                 measure(codes, opened.game.function_set(role))
 
-    skill, schedule, team = skill_recipe("search"), read_schedule("chapter3/schedule", _SET), read_team(*_TEAM)
+    skill, schedule, team = skill_recipe("search"), read_schedule("chapter3/schedule", SET), read_team(*TEAM)
     return [
         Kind("checkpoints (evolution)", _exchanged(kept), of_run),
         _of_learning(

@@ -20,6 +20,7 @@ from behaviors.trials.task import CONCEDED, FAILURE, SUCCESS
 from coevo.errors import InputError
 from coevo.seeds import SetStream, generator
 from coevo.skill import load_skill
+from coevo.soundness import check_summary
 from coevo.stage import LEARNER, SKILL, STANDING
 
 TINY = (
@@ -170,6 +171,9 @@ def test_a_run_of_a_study_goes_on_where_it_was_left_and_is_not_done_twice(tmp_pa
         if len(blocks) in (2, 5):
             raise Unwanted
 
+    def leave_at_once():
+        raise Unwanted
+
     for _ in range(2):
         with pytest.raises(Unwanted):
             kind.run(recipe, left, [], leave)
@@ -180,6 +184,14 @@ def test_a_run_of_a_study_goes_on_where_it_was_left_and_is_not_done_twice(tmp_pa
     assert "learning.npz" not in files
     for name in files:
         assert (whole / name).read_bytes() == (left / name).read_bytes()
+    for name in ("frequencies.csv", "checks.csv", "r0.npz", "team.json"):
+        before = (left / name).read_bytes()
+        (left / name).write_bytes(before[:-20] + before[-10:])
+        assert "damaged" in {finding.state for finding in check_summary(left / "team.json")}
+        with pytest.raises(Unwanted):  # it is learned again
+            kind.run(recipe, left, [], leave_at_once)
+        (left / "learning.npz").unlink()
+        (left / name).write_bytes(before)
     monkeypatch.setattr(_Blind, "advance", lambda _self: pytest.fail("it is done"))
     assert kind.run(recipe, left, [], lambda: None) == row
     assert row["scored_team0"] + row["scored_team1"] <= 1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-__all__ = ["InputError", "nearest_name"]
+__all__ = ["InputError", "MissingFileError", "nearest_name"]
 
 
 _MOST_LETTERS = 3000  # of a message: what came may be of any length
@@ -20,6 +20,10 @@ class InputError(ValueError):
         if len(text) <= _MOST_LETTERS:
             return text
         return f"{text[: _MOST_LETTERS - _LAST_LETTERS]} ... {text[-_LAST_LETTERS:]}"
+
+
+class MissingFileError(InputError):
+    """A file that settings name is not there; something else may make it."""
 
 
 def nearest_name(word: str, names: Iterable[str]) -> str:

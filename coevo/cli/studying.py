@@ -6,11 +6,12 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from coevo.console import Count, Progress, cores, duration, emit, most_workers, note, output_options, table
+from coevo.errors import InputError, MissingFileError
 
 if TYPE_CHECKING:
     from coevo.study.folder import StudyFolder
@@ -24,7 +25,7 @@ _WRITE_EVERY_S = 5.0  # the table of a study under way
 
 
 @click.command()
-@click.argument("source", metavar="FILE.toml")
+@click.argument("sources", metavar="FILE.toml...", nargs=-1, required=True)
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the study; by default runs/NAME of the file.")
 @click.option("--seeds", type=click.IntRange(min=1), help="Replaces the study's seeds: how many, from 0 on.")
 @click.option(
@@ -42,7 +43,7 @@ _WRITE_EVERY_S = 5.0  # the table of a study under way
 @output_options
 def study(
     *,
-    source: str,
+    sources: tuple[str, ...],
     out: Path | None,
     seeds: int | None,
     workers: int,
@@ -53,22 +54,53 @@ def study(
     """Do many runs: recipes x settings x seeds, of evolution or of learning, and make one table of them.
 
     What is done is skipped, and what was stopped goes on: give the same command again. The table does not depend on
-    how often it was stopped, nor on the number of workers.
+    how often it was stopped, nor on the number of workers. Several studies are done one after the other, and a later
+    one may need what an earlier one learns.
 
     \b
     Example: coevo study chapter6/tiny --out runs/tiny
              coevo study mine.toml --seeds 20 --scheduler tcp://10.0.0.1:8786
+             coevo study chapter4/shoot-study chapter4/avoid-study chapter4/defender-study
     """
+    from coevo.study.plan import read_plan, study_name
+
+    if out is not None and len(sources) > 1:
+        raise InputError(f"--out is the folder of one study, and {len(sources)} are given; leave it out")
+    plans = [_plan(source, seeds, is_first=number == 0, quiet=quiet) for number, source in enumerate(sources)]
+    told = []
+    for source, plan in zip(sources, plans, strict=True):
+        if len(sources) > 1:
+            note(f"\n{source}", quiet=quiet)
+        path = out if out is not None else Path("runs") / study_name(source)
+        told.append(_do(plan or read_plan(source, seeds), path, workers, scheduler, as_json=as_json, quiet=quiet))
+    if as_json:
+        emit(told[0] if len(told) == 1 else {"studies": told})
+    if any(one["failed"] for one in told):
+        raise click.exceptions.Exit(1)
+
+
+def _plan(source: str, seeds: int | None, *, is_first: bool, quiet: bool) -> Plan | None:
+    """Read a study; None for a later one that cannot be read yet, as skills that it names may be learned before."""
+    from coevo.study.plan import read_plan
+
+    try:
+        return read_plan(source, seeds)
+    except MissingFileError as error:
+        if is_first:
+            raise
+        note(f"{source} is read again when the studies before it are done: {error}", quiet=quiet)
+        return None
+
+
+def _do(plan: Plan, path: Path, workers: int, scheduler: str | None, *, as_json: bool, quiet: bool) -> dict[str, Any]:
+    """Do a study to its end, show what it came to, and return that as plain data."""
     from coevo.study import cluster
     from coevo.study.cores import on_cores
     from coevo.study.folder import check_folder, open_study
-    from coevo.study.plan import read_plan, study_name
     from coevo.study.task import task_of
 
     if scheduler is not None:
         cluster.check_installed()
-    plan = read_plan(source, seeds)
-    path = out if out is not None else Path("runs") / study_name(source)
     check_folder(path, plan)
     with ExitStack() as stack:
         client = None
@@ -98,9 +130,7 @@ def study(
                 raise
         else:
             folder.write_tables(rows, failed)  # it may have been stopped when all was done but this
-        _show(folder, rows, failed, skipped, as_json=as_json)
-    if failed:
-        raise click.exceptions.Exit(1)
+        return _show(folder, rows, failed, skipped, as_json=as_json)
 
 
 def _prepare(runs: Sequence[PlannedRun], *, quiet: bool) -> None:
@@ -144,27 +174,24 @@ def _show(
     skipped: int,
     *,
     as_json: bool,
-) -> None:
+) -> dict[str, Any]:
     in_order = {run.name: failed[run.name] for run in folder.plan.runs if run.name in failed}
     failures = [f"{name}: {reason}" for name, reason in in_order.items()]
-    if as_json:
-        emit(
-            {
-                "study": str(folder.path),
-                "runs": len(folder.plan.runs),
-                "skipped": skipped,
-                "failed": len(failed),
-                "failures": [{"run": name, "reason": reason} for name, reason in in_order.items()],
-                "table": str(folder.table),
-            }
-        )
-    else:
+    if not as_json:
         if rows:
             click.echo(_summary(folder.plan, rows))
             click.echo("(mean over seeds, with its 95 % interval)")
         click.echo(f"\n{len(rows)} of {len(folder.plan.runs)} runs are in {folder.table}")
     if failures:
         note("\n".join([f"{len(failures)} runs failed; the same command tries them again:", *failures]))
+    return {
+        "study": str(folder.path),
+        "runs": len(folder.plan.runs),
+        "skipped": skipped,
+        "failed": len(failed),
+        "failures": [{"run": name, "reason": reason} for name, reason in in_order.items()],
+        "table": str(folder.table),
+    }
 
 
 def _summary(plan: Plan, rows: Mapping[str, Mapping[str, Cell]]) -> str:

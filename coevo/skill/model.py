@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coevo.config import RobotSettings
-from coevo.errors import InputError, nearest_name
+from coevo.errors import InputError, MissingFileError, nearest_name
 from coevo.files import DamagedFileError, pack_arrays, parse_json, read_arrays, read_text, write_whole
 from coevo.seal import unseal
 from coevo.soccer.drive import action_set
@@ -280,7 +280,7 @@ def load_skill(source: str | Path) -> Skill:
     try:
         arrays = read_arrays(path)
     except FileNotFoundError:
-        raise InputError(f"there is no skill file {path}") from None
+        raise MissingFileError(f"there is no skill file {path}") from None
     except OSError as error:
         raise InputError(f"cannot read the skill file {path}: {error.strerror or error}") from None
     except ValueError as error:  # of its name

@@ -273,7 +273,7 @@ def _checked(condition: Condition, seeds: Sequence[int], source: str) -> tuple[C
     try:
         own = kind.check(settings, condition.folders)
     except InputError as error:
-        raise InputError(f"{source}: {error}") from None
+        raise type(error)(f"{source}: {error}") from None
     digest = hashlib.sha256(msgspec.json.encode(msgspec.structs.replace(settings, seed=0)))
     for path in own:
         digest.update(path.name.encode() + b"\0" + path.read_bytes())

@@ -225,3 +225,34 @@ def test_a_table_that_a_kill_kept_from_being_written_is_written(done, coevo, stu
     assert coevo("study", study_file(), "--out", done).code == 0
     assert here == []
     assert (done / "table.csv").read_bytes() == before
+
+
+LEARNS = 'kind = "study"\nrecipes = ["quick.toml"]\nseeds = 1\n[set]\ntrials = 250\n"experience.windows" = 300\n'
+QUICK = 'kind = "skill"\nname = "quick"\ntask = "search"\n[[objects]]\nkind = "ball"\norder = 2\nhistory_length = 2\n'
+
+
+@pytest.mark.usefixtures("here")
+def test_several_studies_are_done_in_turn_and_a_later_one_may_need_an_earlier_one(coevo, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "quick.toml").write_text(QUICK)
+    needs = 'model_of = "runs/first/quick-seed{seed}/skill.npz"\n'
+    (tmp_path / "more.toml").write_text(QUICK.replace("quick", "more").partition("order")[0] + needs)
+    (tmp_path / "first.toml").write_text(LEARNS)
+    (tmp_path / "second.toml").write_text(LEARNS.replace("quick", "more"))
+    both = tmp_path / "first.toml", tmp_path / "second.toml"
+    assert coevo("study", *both, "--out", "mine").err.startswith("coevo: --out is the folder of one study, and 2")
+    wrong = coevo("study", both[1], both[0])
+    assert (wrong.code, (tmp_path / "runs").exists()) == (2, False)
+    assert "quick-seed0/skill.npz" in wrong.err
+    assert coevo("study", both[0], "nothing.toml").code == 2
+    (tmp_path / "typo.toml").write_text(LEARNS.replace("trials", "trails"))
+    assert "Did you mean 'trials'?" in coevo("study", both[0], tmp_path / "typo.toml").err
+    assert not (tmp_path / "runs").exists()
+    said = coevo("study", *both, "--json")
+    assert said.code == 0
+    assert "second.toml is read again when the studies before it are done" in said.err
+    told = json.loads(said.out)["studies"]
+    assert [(one["study"], one["runs"], one["failed"]) for one in told] == [("runs/first", 1, 0), ("runs/second", 1, 0)]
+    again = coevo("study", *both, "--json")
+    assert [one["skipped"] for one in json.loads(again.out)["studies"]] == [1, 1]
+    assert "read again" not in again.err

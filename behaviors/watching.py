@@ -1,8 +1,8 @@
-"""Trials of what was learned, as what is shown: of a skill alone, and of a passer and a shooter."""
+"""Trials of what was learned, as what is shown: of a skill alone, of a passer and a shooter, of several robots."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,13 +12,14 @@ from behaviors.cards import measured_mover
 from behaviors.learning import succeeded, watch
 from behaviors.recipe import Recipe
 from behaviors.schedule.recipe import Schedule
+from behaviors.team.recipe import TeamRecipe
 from behaviors.trials.scene import Watched
-from behaviors.trials.task import COLLISION, FAILURE, GOING, STRAY_GOAL, SUCCESS
+from behaviors.trials.task import COLLISION, FAILURE, GOING, PASSED, STRAY_GOAL, SUCCEEDED, SUCCESS
 from coevo.replay import Actor, Recording, Take
 from coevo.skill import Skill, load_skill
 from coevo.stage import CHASER, ROAMER, STANDING
 
-__all__ = ["pair_recording", "skill_recording"]
+__all__ = ["pair_recording", "skill_recording", "team_recording"]
 
 _SIDES = ("succeeded", "failed")
 _IDLE = {STANDING: "stands", ROAMER: "drives at random"}
@@ -93,6 +94,32 @@ def pair_recording(
     # The bank of a pair holds for each what it has learned, and what it had before.
     both = [skill for skill in skills for _ in range(2)]
     return _recording(name, schedule, (Actor("P"), Actor("S")), both, takes)
+
+
+def team_recording(
+    recipe: TeamRecipe, skills: Mapping[str, Skill], watched: Sequence[Watched], numbers: Sequence[int], name: str
+) -> Recording:
+    """Return games of several robots; what is counted is the goals of both sides.
+
+    Args:
+        recipe: the game.
+        skills: by the names of the robots.
+        watched: games of ``behaviors.team.course.TeamCourse.watch_afterwards``.
+        numbers: of these games among all.
+        name: of the whole.
+    """
+    names, takes = recipe.names, []
+    for number, one in zip(numbers, watched, strict=True):
+        scorers = [who for who, counts in zip(names, one.counts, strict=True) if counts[SUCCEEDED]]
+        side = {SUCCESS: 0, FAILURE: 1}.get(one.ends, -1)
+        ending = "time is up" if side < 0 else f"goal of {scorers[0]}" if scorers else "own goal"
+        passes = int(one.counts[:, PASSED].sum())
+        words = f"{ending}, {passes} pass{'es' * (passes != 1)}"
+        idle = tuple(_IDLE.get(role, "") for role in one.roles)
+        takes.append(Take(one.trace, f"game {number + 1}", words, side, idle))
+    actors = tuple(Actor(member.name, member.team, sees=member.name in skills) for member in recipe.robots)
+    objects = {who: skills[who].objects if who in skills else () for who in names}
+    return Recording(name, recipe.world, actors, objects, tuple(takes), shows="actions")
 
 
 def _take(one: Watched, number: int, of: int | None, ending: str, *, success: bool, chased: str = "chaser") -> Take:

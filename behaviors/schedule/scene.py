@@ -14,7 +14,6 @@ from behaviors.trials.scene import Part, Scene, make_scene
 from behaviors.trials.task import COLLIDED, PASS_AND_SHOOT, PASSED, PASSER, SUCCEEDED, TaskParams
 from coevo.config import WorldSettings
 from coevo.errors import InputError
-from coevo.seeds import game_seeds
 from coevo.skill import make_bank
 from coevo.soccer.drive import action_set
 from coevo.soccer.events import event_params
@@ -111,10 +110,7 @@ def run_trials_of(
     Raises:
         InputError: no start was found.
     """
-    found = scene.run(game_seeds(seed, *stream, count=count, first=first), first=first, total=total)
-    if found is None:
-        raise no_start_of(schedule)
-    return found
+    return scene.run_stream((seed, *stream), count, lambda: no_start_of(schedule), first=first, total=total)
 
 
 def no_start_of(schedule: Schedule) -> InputError:

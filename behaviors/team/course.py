@@ -21,11 +21,12 @@ from behaviors.practice import Practice, Standing, read_results
 from behaviors.tabular.decisions import most_decisions
 from behaviors.tabular.table import pack_table, unpack_table
 from behaviors.team.recipe import TeamRecipe, TurnSettings, model_recipe
-from behaviors.team.scene import COUNTED, Member, run_games, team_scene, unlearned
+from behaviors.team.scene import COUNTED, Member, no_start_of, run_games, team_scene, unlearned
 from behaviors.team.tables import rates, turn_rows
 from behaviors.trials.kernels import Results
+from behaviors.trials.scene import Watched
 from coevo.errors import InputError
-from coevo.seeds import SetStream, game_seed, generator
+from coevo.seeds import SetStream, game_seed, game_seeds, generator
 from coevo.skill import Skill
 from coevo.skill.model import pack_models, unpack_models
 
@@ -219,6 +220,27 @@ class TeamCourse:
         """Let all robots play greedily, on starts that no learning and no check has seen."""
         scene = team_scene(self.recipe, self.members)
         return run_games(scene, self.recipe, self.seed, (SetStream.AFTERWARDS,), self.recipe.games)
+
+    def watch_afterwards(self, skills: Mapping[str, Skill], games: int) -> list[Watched]:
+        """Return every step of the first games of ``afterwards``, with what the robots had learned by then.
+
+        Args:
+            skills: by the names of the robots, from the files of a finished run; who never learned has none.
+            games: how many.
+
+        Raises:
+            InputError: no start was found.
+        """
+        members = [
+            dataclasses.replace(member, models=skill.objects, values=skill.values)
+            if (skill := skills.get(member.settings.name)) is not None
+            else member
+            for member in self.members
+        ]
+        watched = team_scene(self.recipe, members).watch(game_seeds(self.seed, SetStream.AFTERWARDS, count=games))
+        if watched is None:
+            raise no_start_of(self.recipe)
+        return watched
 
     def skills(self) -> dict[str, Skill]:
         """Return what each robot has learned, by its name; a robot that never learned has nothing."""

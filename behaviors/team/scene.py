@@ -19,7 +19,6 @@ from behaviors.trials.scene import Part, Scene, make_scene
 from behaviors.trials.solo import blind_models
 from behaviors.trials.task import COLLIDED, CONCEDED, GIVEN_AWAY, KICKED, PASSED, SUCCEEDED, TEAM, TOUCHED, TaskParams
 from coevo.errors import InputError
-from coevo.seeds import game_seeds
 from coevo.skill import ObjectModel, Skill, make_bank
 from coevo.skill.model import MOST_STATES
 from coevo.soccer.drive import action_set
@@ -27,7 +26,7 @@ from coevo.soccer.events import event_params
 from coevo.soccer.placement import regions
 from coevo.stage import LEARNER, SKILL, STANDING
 
-__all__ = ["COUNTED", "Member", "run_games", "team_scene", "unlearned"]
+__all__ = ["COUNTED", "Member", "no_start_of", "run_games", "team_scene", "unlearned"]
 
 # The events of a team by their names; contact is what happens in a step, and what is told of it how long it lasted.
 _EVENTS = {"goal": SUCCEEDED, "conceded": CONCEDED, "pass": PASSED, "giveaway": GIVEN_AWAY}
@@ -165,10 +164,12 @@ def run_games(
     Raises:
         InputError: no start was found.
     """
-    found = scene.run(game_seeds(seed, *stream, count=count, first=first), first=first, total=total)
-    if found is None:
-        raise InputError(
-            f"{recipe.name}: no start was found where the bodies fit and the learner sees ball and goal; widen the"
-            " rectangles of robots.start and ball, or set in_view = false"
-        )
-    return found
+    return scene.run_stream((seed, *stream), count, lambda: no_start_of(recipe), first=first, total=total)
+
+
+def no_start_of(recipe: TeamRecipe) -> InputError:
+    """Return what is to be raised where no start of a trial was found."""
+    return InputError(
+        f"{recipe.name}: no start was found where the bodies fit and the learner sees ball and goal; widen the"
+        " rectangles of robots.start and ball, or set in_view = false"
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -14,6 +14,8 @@ from behaviors.trials.kernels import Results, Trial, run_trials
 from behaviors.trials.minds import Mind, make_minds, with_tables_of
 from behaviors.trials.task import CHANNELS, TEAM, Tally, TaskParams
 from coevo.config import WorldSettings
+from coevo.errors import InputError
+from coevo.seeds import game_seeds
 from coevo.skill import SkillBank
 from coevo.soccer.drive import action_set
 from coevo.soccer.events import EventParams
@@ -49,13 +51,15 @@ class Part:
 class Watched:
     """One trial with every step of it.
 
-    trace: its steps. ends, passes: as in Results. roles: what each robot was in it, see coevo.stage.roles.
+    trace: its steps. ends, passes: as in Results. roles: what each robot was in it, see coevo.stage.roles. counts:
+    (robots, CHANNELS) how often what happened to each of a team; without rows for other tasks.
     """
 
     trace: Trace
     ends: int
     passes: int
     roles: tuple[int, ...]
+    counts: NDArray[np.int64]
 
 
 @dataclass
@@ -104,6 +108,19 @@ class Scene:
         )
         return found if ran == len(seeds) or gathered else None
 
+    def run_stream(
+        self, key: tuple[int, ...], count: int, no_start: Callable[[], InputError], *, first: int = 0, total: int = 1
+    ) -> Results:
+        """Run trials as ``run`` does, with the seeds of a random stream.
+
+        Raises:
+            InputError: ``no_start``, where no start was found.
+        """
+        found = self.run(game_seeds(*key, count=count, first=first), first=first, total=total)
+        if found is None:
+            raise no_start()
+        return found
+
     def watch(self, seeds: NDArray[np.uint64]) -> list[Watched] | None:
         """Run the trials that ``run`` runs, and keep every step of them; None if no start was found."""
         watched = []
@@ -115,7 +132,7 @@ class Scene:
                 return None
             roles = tuple(self.venue.stage.roles.role.tolist())
             trace = trace_of(tape, int(found.steps[0]))
-            watched.append(Watched(trace, int(found.ends[0]), int(found.passes[0]), roles))
+            watched.append(Watched(trace, int(found.ends[0]), int(found.passes[0]), roles, found.counts[0]))
         return watched
 
 

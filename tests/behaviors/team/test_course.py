@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import json
 
 import msgspec
 import numpy as np
@@ -13,10 +14,12 @@ from click.testing import CliRunner
 from behaviors.actor_critic.ties import ties_drawn
 from behaviors.commands import skills
 from behaviors.studies.team import TeamRuns
+from behaviors.studies.watching import chapter5_watch
 from behaviors.team.course import TeamCourse
 from behaviors.team.recipe import read_team
 from behaviors.team.scene import Member, unlearned
-from behaviors.trials.task import CONCEDED, FAILURE, SUCCESS
+from behaviors.trials.task import CONCEDED, FAILURE, PASSED, SUCCEEDED, SUCCESS
+from behaviors.watching import team_recording
 from coevo.errors import InputError
 from coevo.seeds import SetStream, generator
 from coevo.skill import load_skill
@@ -195,6 +198,12 @@ def test_a_run_of_a_study_goes_on_where_it_was_left_and_is_not_done_twice(tmp_pa
     monkeypatch.setattr(_Blind, "advance", lambda _self: pytest.fail("it is done"))
     assert kind.run(recipe, left, [], lambda: None) == row
     assert row["scored_team0"] + row["scored_team1"] <= 1.0
+    watch = [str(left), "--games", "2", "--out", str(tmp_path / "team.html"), "--json", "--quiet"]
+    said = CliRunner().invoke(chapter5_watch, watch, catch_exceptions=False)
+    assert json.loads(said.stdout)["trials"] == [1, 2]
+    assert "three-robots, seed 4: r0, r1, r2" in (tmp_path / "team.html").read_text()
+    with pytest.raises(InputError, match="holds no robots that learned by turns"):
+        CliRunner().invoke(chapter5_watch, [str(tmp_path), *watch[1:]], catch_exceptions=False)
     skill = load_skill(str(left / "r2.npz"))
     assert skill.about["robot"] == "r2"
     said = CliRunner().invoke(skills, ["evaluate", str(left / "r2.npz")])
@@ -203,6 +212,25 @@ def test_a_run_of_a_study_goes_on_where_it_was_left_and_is_not_done_twice(tmp_pa
     with (left / "frequencies.csv").open(encoding="utf-8", newline="") as file:
         last = [one for one in csv.DictReader(file) if one["turn"] == "games" and one["robot"] == "r2"]
     assert row["last_turn_goals_team1"] == sum(int(one["scored"]) for one in last)
+
+
+def test_what_is_watched_are_the_games_that_measure_it():
+    course = finish(course_of("chapter5/three-robots", "trials=250", "games=40", "time_limit_steps=150"))
+    found, skills = course.afterwards(), course.skills()
+    watched = TeamCourse(course.recipe, 1, members=unlearned(course.recipe)).watch_afterwards(skills, 12)
+    assert [one.ends for one in watched] == found.ends[:12].tolist()
+    assert [len(one.trace.skills) for one in watched] == found.steps[:12].tolist()
+    assert np.array_equal([one.counts for one in watched], found.counts[:12])
+    recording = team_recording(course.recipe, skills, watched, range(12), "mine")
+    assert [actor.team for actor in recording.actors] == [0, 0, 1]
+    goals = [sum(one.ends == end for one in watched) for end in (SUCCESS, FAILURE)]
+    assert recording.score_before()[-1] == tuple(goals)
+    for one, take in zip(watched, recording.takes, strict=True):
+        assert take.ending.endswith(f", {(passes := int(one.counts[:, PASSED].sum()))} pass{'es' * (passes != 1)}")
+        scorers = [name for name, counts in zip(course.recipe.names, one.counts, strict=True) if counts[SUCCEEDED]]
+        if scorers:
+            assert take.ending.startswith(f"goal of {scorers[0]}")
+        assert ("time is up" in take.ending) == (one.ends not in (SUCCESS, FAILURE))
 
 
 def test_a_turn_without_a_start_is_found_before_anything_is_learned():

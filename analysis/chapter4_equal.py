@@ -28,8 +28,10 @@ def at_equal_trials(arms: Arms) -> Report:
     rows: Rows = []
     for name, runs in checked.items():
         limit = min(run.limit for run in runs)
-        for part in range(1, _PARTS + 1):
-            trials = limit * part // _PARTS
+        first = max(int(run.checks["trials"].iloc[0]) for run in runs)
+        for trials in (limit * part // _PARTS for part in range(1, _PARTS + 1)):
+            if trials < first:
+                continue
             row = [name, str(len(runs)), f"{trials:,}", mean_words(_after(runs, trials), most=1.0)]
             mine, base = common([runs, checked.get(_BASE, [])])
             if name != _BASE and mine:

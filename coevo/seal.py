@@ -40,9 +40,10 @@ def unseal(text: str | bytes) -> dict[str, Any]:
     Raises:
         ValueError: it is no summary, or does not match its digest.
     """
-    told = parse_json(text)
-    if not isinstance(told, dict):
-        raise ValueError("it is no summary")  # noqa: TRY004 - of a file
+    told: dict[str, Any] = parse_json(text)
+    files = told.get(FILES, {}) if isinstance(told, dict) else None
+    if not isinstance(files, dict) or any(type(one) is not str for one in files.values()):
+        raise ValueError("it is no summary")
     digest = told.pop(_SEAL, None)
     if digest not in (None, _digest(told)):
         raise ValueError("it does not match its digest")

@@ -179,6 +179,15 @@ def test_a_card_that_was_altered_is_told(coevo, tmp_path):
     assert coevo("check", tmp_path).code == 1
 
 
+@pytest.mark.parametrize("text", ["[]", "3", '{"files": 3}', '{"files": {"levels.csv": 3}}', '{"a": 1', ""])
+def test_a_card_that_is_none_is_told(coevo, tmp_path, text):
+    shutil.copy(skill_path("search"), tmp_path / "skill.npz")
+    (tmp_path / "card.json").write_text(text)
+    said = coevo("check", tmp_path)
+    assert (said.code, "card.json is damaged" in said.out) == (1, True)
+    assert coevo("skills", "evaluate", tmp_path / "skill.npz", "--games", 10).code in (0, 2)
+
+
 def test_who_goes_on_elsewhere_is_told_what_differs(coevo, copied_run):
     assert "Beware" not in coevo("resume", copied_run, "--unseen", "0").err
     path, chain = copied_run / "environment.json", Chain.read((copied_run / "digests.txt").read_text())

@@ -117,7 +117,7 @@ def _row(card: Mapping[str, Any]) -> dict[str, Cell]:
             if key in told:
                 row[f"{key}_{starts.replace('-', '_')}"] = told[key]
     curriculum = card.get("curriculum", {})
-    told = {name: curriculum[name] for name in ("trials", "level", "dimension", "model_steps") if curriculum}
+    told = {name: curriculum[name] for name in ("trials", "level", "dimension", "model_steps") if name in curriculum}
     if curriculum:
         told["met"] = int(curriculum["met"])
     return {**row, "states": card["states"], **told}

@@ -40,8 +40,9 @@ def unseal(text: str | bytes) -> dict[str, Any]:
     Raises:
         ValueError: it is no summary, or does not match its digest.
     """
-    told: dict[str, Any] = parse_json(text)
-    files = told.get(FILES, {}) if isinstance(told, dict) else None
+    read = parse_json(text)
+    told: dict[str, Any] = read if isinstance(read, dict) else {FILES: None}
+    files = told.get(FILES, {})
     if not isinstance(files, dict) or any(type(one) is not str for one in files.values()):
         raise ValueError("it is no summary")
     digest = told.pop(_SEAL, None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Sequence
 from itertools import takewhile
 from typing import NamedTuple
@@ -11,13 +12,13 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
-from behaviors.lpm import LocalPredictionModel, identify
+from behaviors.lpm import LocalPredictionModel, PersistentExcitationWarning, identify
 from behaviors.lpm.axes import simple_axes
 from behaviors.lpm.cva import lagged
 from behaviors.raw import raw_model
 from behaviors.recipe import Recipe, of_seed
 from behaviors.settings import ExperienceSettings, ModelSettings
-from behaviors.trials.minds import make_store
+from behaviors.trials.minds import Store, make_store, rows_in_order
 from behaviors.trials.solo import no_start, provisional_skill, solo_scene
 from coevo.errors import InputError
 from coevo.seeds import SkillStream, game_seed
@@ -32,10 +33,12 @@ __all__ = [
     "align",
     "enough",
     "experience",
+    "identified_again",
     "in_view",
     "make_model",
     "make_models",
     "model_of",
+    "stored_stretches",
     "window_count",
 ]
 
@@ -192,6 +195,34 @@ def _model(recipe: Recipe, settings: ModelSettings, stretches: list[Stretch]) ->
         return make_model(settings, stretches, recipe.experience, image_width=recipe.world.camera.width_px)[0]
     except ValueError as error:
         raise InputError(f"the recipe {recipe.name!r}, the model of {settings.kind}: {error}") from None
+
+
+def stored_stretches(store: Store, slot: int, kind: str) -> list[Stretch]:
+    """Return the stretches of a store in which an object was in view, oldest first.
+
+    Args:
+        store: of a robot.
+        slot: of the object in its memory.
+        kind: of the object.
+    """
+    rows = rows_in_order(store)
+    features = store.features[rows, slot, : OBJECT_KINDS[kind]]
+    return in_view(store.trial[rows], store.inputs[rows], features, store.areas[rows, slot])
+
+
+def identified_again(
+    settings: ModelSettings, stretches: list[Stretch], experience: ExperienceSettings, *, image_width: float
+) -> tuple[ObjectModel | None, LocalPredictionModel | None]:
+    """Return a new model of an object as ``make_model`` does, none if the actions do not excite it.
+
+    Those of a greedy policy may be too much the same to tell their effects apart.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", PersistentExcitationWarning)
+        try:
+            return make_model(settings, stretches, experience, image_width=image_width)
+        except PersistentExcitationWarning:
+            return None, None
 
 
 def _states(model: ObjectModel, actions: Array, observations: Array, longest: int) -> Array:

@@ -109,6 +109,13 @@ class LearningSettings(Settings, frozen=True, kw_only=True):
     check_from: Share = 0.3  # share of the trials before the first check
 
 
+class StoreSettings(Settings, frozen=True, kw_only=True):
+    """The latest experience of a robot, from which its models are identified again."""
+
+    steps: Annotated[int, Meta(ge=100, le=5_000_000)] = 20_000  # N_all of (3.5), of each robot
+    least_windows: Annotated[int, Meta(ge=100)] = 1000  # steps in view; of an object seen less, the old model is kept
+
+
 class MoverSettings(Settings, frozen=True, kw_only=True):
     """What the other robot does."""
 

@@ -14,7 +14,7 @@ from behaviors.checkpoint import parts_of, with_prefix
 from behaviors.lpm import LocalPredictionModel
 from behaviors.schedule.agents import Agent
 from behaviors.schedule.recipe import LearnerSettings
-from behaviors.trials.minds import Store
+from behaviors.trials.minds import Store, pack_store, unpack_store
 from coevo.skill.model import INPUTS, OBJECT_KINDS, pack_models, unpack_models
 
 __all__ = ["pack_agent", "unpack_agent"]
@@ -72,13 +72,11 @@ def pack_agent(agent: Agent) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     predictors, of_predictors = _pack_predictors(agent.predictors)
     chosen, of_chosen = _pack_predictors(agent.chosen)
     header = {"objects": objects, "old_objects": None, "predictors": predictors, "chosen": chosen}
-    rows = min(len(agent.store.trial), int(agent.store.written[0]))  # later ones were never written
-    store = {name: part if name == "written" else part[:rows] for name, part in agent.store._asdict().items()}
     arrays = {
         **with_prefix("models", models),
         **with_prefix("predictors", of_predictors),
         **with_prefix("chosen", of_chosen),
-        **with_prefix("store", store),
+        **with_prefix("store", pack_store(agent.store)),
     }
     if agent.values is not None:
         arrays["values"] = agent.values
@@ -98,8 +96,7 @@ def unpack_agent(
         room: an empty store of the right size, which gets what was stored.
         header, arrays: what ``pack_agent`` returned.
     """
-    for name, part in parts_of("store", arrays).items():
-        getattr(room, name)[: len(part)] = part
+    unpack_store(room, parts_of("store", arrays))
     old = None
     if header["old_objects"] is not None:
         old = unpack_models(header["old_objects"], parts_of("old", arrays)), np.asarray(arrays["old_values"])

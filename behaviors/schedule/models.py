@@ -10,13 +10,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviors.experience import Stretch, align, in_view, make_model, window_count
+from behaviors.experience import Stretch, align, identified_again, stored_stretches, window_count
 from behaviors.lpm import LocalPredictionModel, PersistentExcitationWarning, identify
 from behaviors.schedule.agents import Agent
 from behaviors.schedule.recipe import Schedule
-from behaviors.settings import ExperienceSettings, ModelSettings
-from behaviors.trials.minds import Store
-from coevo.skill import ObjectModel
+from behaviors.settings import ModelSettings
+from behaviors.trials.minds import rows_in_order
 from coevo.skill.model import OBJECT_KINDS
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 
@@ -26,7 +25,7 @@ __all__ = [
     "prediction_errors",
     "renew_models",
     "residuals",
-    "stored_stretches",
+    "stored_by",
     "stored_windows",
 ]
 
@@ -36,17 +35,9 @@ _CENTRE_Y = 1  # the feature whose prediction Fig. 3.8 shows
 Array = NDArray[np.float64]
 
 
-def _ordered(store: Store) -> NDArray[np.int64]:
-    """Return the rows of a store, oldest first."""
-    rows, written = len(store.trial), int(store.written[0])
-    return np.arange(max(0, written - rows), written) % rows
-
-
-def stored_stretches(store: Store, kind: str) -> list[Stretch]:
-    """Return the stretches of a store in which an object was in view, oldest first."""
-    rows, thing = _ordered(store), _OBJECTS[kind]
-    features = store.features[rows, thing, : OBJECT_KINDS[kind]]
-    return in_view(store.trial[rows], store.inputs[rows], features, store.areas[rows, thing])
+def stored_by(agent: Agent, kind: str) -> list[Stretch]:
+    """Return the stretches of a robot's store in which an object was in view, oldest first."""
+    return stored_stretches(agent.store, _OBJECTS[kind], kind)
 
 
 def _all_settings(agent: Agent) -> tuple[ModelSettings, ...]:
@@ -55,7 +46,7 @@ def _all_settings(agent: Agent) -> tuple[ModelSettings, ...]:
 
 def stored_windows(agent: Agent) -> dict[str, int]:
     """Return for how many stored steps each object was in view."""
-    rows = _ordered(agent.store)
+    rows = rows_in_order(agent.store)
     return {m.kind: int((agent.store.areas[rows, _OBJECTS[m.kind]] > 0.0).sum()) for m in _all_settings(agent)}
 
 
@@ -76,12 +67,12 @@ def renew_models(agent: Agent, schedule: Schedule, period: str, reuse: str) -> l
     known, told = {model.kind: model for model in agent.models}, []
     for settings in _all_settings(agent):
         kind = settings.kind
-        stretches = stored_stretches(agent.store, kind)
+        stretches = stored_by(agent, kind)
         windows = window_count(stretches)
         model, predictor = None, None
         if first or windows >= schedule.store.least_windows:
             width = schedule.world.camera.width_px
-            model, predictor = _identified(settings, stretches, experience, width)
+            model, predictor = identified_again(settings, stretches, experience, image_width=width)
         if model is not None and kind in known:
             if reuse == "copy" and not first and settings.estimator == "cva":
                 model = align(model, known[kind], stretches)
@@ -95,18 +86,6 @@ def renew_models(agent: Agent, schedule: Schedule, period: str, reuse: str) -> l
         agent.values = agent.values if reuse == "copy" else None
     agent.models = tuple(known[model.kind] for model in agent.models)
     return told
-
-
-def _identified(
-    settings: ModelSettings, stretches: list[Stretch], experience: ExperienceSettings, width: int
-) -> tuple[ObjectModel | None, LocalPredictionModel | None]:
-    """Return a new model of an object, none if the actions do not excite it."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", PersistentExcitationWarning)
-        try:
-            return make_model(settings, stretches, experience, image_width=width)
-        except PersistentExcitationWarning:
-            return None, None
 
 
 def _description(
@@ -154,7 +133,7 @@ def prediction_errors(agent: Agent, where: str) -> list[dict[str, Any]]:
     told = []
     models = [("used", agent.predictors), ("chosen", agent.chosen)]
     for orders, kind, model in [(orders, *item) for orders, known in models for item in known.items()]:
-        found = residuals(model, stored_stretches(agent.store, kind))
+        found = residuals(model, stored_by(agent, kind))
         if len(found) > 1:
             rms, spread = float(np.sqrt((found[:, 0] ** 2).mean())), float(found[:, 1].std())
             row = {"where": where, "robot": agent.name, "object": kind, "orders": orders, "windows": len(found)}
@@ -169,7 +148,7 @@ def exchange(agents: tuple[Agent, Agent], where: str) -> list[dict[str, Any]]:
         for kind, own in agent.predictors.items():
             if kind not in other.predictors:
                 continue
-            stretches = stored_stretches(agent.store, kind)
+            stretches = stored_by(agent, kind)
             mine, theirs = (residuals(model, stretches)[:, 0] for model in (own, other.predictors[kind]))
             if len(mine) and len(theirs) and mine.any():
                 ratio = float(np.sqrt((theirs**2).mean() / (mine**2).mean()))
@@ -182,7 +161,7 @@ def error_trace(agent: Agent) -> list[dict[str, Any]]:
 
     The first trial of the store is left out: its beginning may have been overwritten.
     """
-    rows, kinds = _ordered(agent.store), list(agent.predictors)
+    rows, kinds = rows_in_order(agent.store), list(agent.predictors)
     if not len(rows) or not kinds:
         return []
     trial = agent.store.trial[rows]

@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from behaviors.settings import ActionSettings, ExperienceSettings, LearningSettings, ModelSettings
+from behaviors.settings import ActionSettings, ExperienceSettings, LearningSettings, ModelSettings, StoreSettings
 from coevo.config import FileSettings, NonNegative, RobotSettings, Settings, Share, StartSettings, WorldSettings
 from coevo.recipes import read_settings
 
-__all__ = ["LearnerSettings", "Schedule", "StoreSettings", "TransferSettings", "read_schedule", "transfer_world"]
+__all__ = ["LearnerSettings", "PairStoreSettings", "Schedule", "TransferSettings", "read_schedule", "transfer_world"]
 
 
 class LearnerSettings(Settings, frozen=True, kw_only=True):
@@ -34,11 +34,9 @@ class LearnerSettings(Settings, frozen=True, kw_only=True):
             raise ValueError(f"action.min_steps must be at most max_steps, got {self.action.min_steps}")
 
 
-class StoreSettings(Settings, frozen=True, kw_only=True):
-    """The latest experience of a robot, from which its models are identified again."""
+class PairStoreSettings(StoreSettings, frozen=True, kw_only=True):
+    """What both robots store, and what is told of it."""
 
-    steps: Annotated[int, Meta(ge=100, le=5_000_000)] = 20_000  # N_all of (3.5), of each robot
-    least_windows: Annotated[int, Meta(ge=100)] = 1000  # steps in view; of an object seen less, the old model is kept
     report_orders: bool = True  # find the orders of 3.2.3 and (3.6) too, for Table 3.2; they are not used
 
 
@@ -101,7 +99,7 @@ class Schedule(FileSettings, frozen=True, kw_only=True):
     shooter: LearnerSettings
     starts: PairStarts = PairStarts()
     experience: ExperienceSettings = ExperienceSettings()
-    store: StoreSettings = StoreSettings()
+    store: PairStoreSettings = PairStoreSettings()
     transfer: TransferSettings = TransferSettings()
     world: WorldSettings = WorldSettings(robot=RobotSettings(drive="4ws"))
 

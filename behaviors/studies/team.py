@@ -143,6 +143,7 @@ def _summary(recipe: TeamRecipe, course: TeamCourse) -> dict[str, Any]:
         "states": {name: int(skill.values.shape[0]) for name, skill in skills.items()},
         "digests": {name: skill.digest for name, skill in skills.items()},
         "turns": turns,
+        **({"models": course.renewed} if course.renewed else {}),
         "after": measured(recipe, course.afterwards()),
     }
 

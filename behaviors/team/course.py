@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 
 from behaviors.actor_critic.ties import ties_drawn
 from behaviors.checkpoint import parts_of, read_checkpoint, with_prefix, write_checkpoint
-from behaviors.experience import make_models
+from behaviors.experience import align, identified_again, make_models, stored_stretches, window_count
 from behaviors.practice import Practice, Standing, read_results
 from behaviors.tabular.decisions import most_decisions
 from behaviors.tabular.table import pack_table, unpack_table
 from behaviors.team.recipe import TeamRecipe, TurnSettings, model_recipe
-from behaviors.team.scene import COUNTED, Member, no_start_of, run_games, team_scene, unlearned
+from behaviors.team.scene import COUNTED, Member, no_start_of, run_games, slot_of, team_scene, unlearned
 from behaviors.team.tables import rates, turn_rows
 from behaviors.trials.kernels import Results
+from behaviors.trials.minds import pack_store, unpack_store
 from behaviors.trials.scene import Watched
 from coevo.errors import InputError
 from coevo.seeds import SetStream, game_seed, game_seeds, generator
@@ -50,6 +51,7 @@ class TeamCourse:
         members: the robots, and what they have learned so far.
         results: of the turns that are over, by their names.
         checks: what was found meanwhile, as plain data.
+        renewed: which models were made again, and from how many steps in view, as plain data.
     """
 
     def __init__(self, recipe: TeamRecipe, seed: int, *, members: list[Member] | None = None) -> None:
@@ -57,6 +59,7 @@ class TeamCourse:
         self.members = self._new_members() if members is None else members
         self.results: dict[str, Results] = {}
         self.checks: list[dict[str, Any]] = []
+        self.renewed: list[dict[str, Any]] = []
         self._practice: Practice | None = None
 
     def _new_members(self) -> list[Member]:
@@ -85,14 +88,16 @@ class TeamCourse:
         at, arrays = read_checkpoint(path, _identity(recipe, seed), remedy=_BEGIN_ANEW)
         try:
             members = [
-                _unpack(settings, header, parts_of(settings.name, arrays))
-                for settings, header in zip(recipe.robots, at["members"], strict=True)
+                _unpack(member, header, parts_of(member.settings.name, arrays))
+                for member, header in zip(unlearned(recipe), at["members"], strict=True)
             ]
             course = cls(recipe, seed, members=members)
-            over, checks = [turn.name for turn in recipe.turns[: len(at["over"])]], at["checks"]
-            if at["over"] != over or type(checks) is not list or any(type(one) is not dict for one in checks):
-                raise ValueError("it does not tell which turns are over, or what their checks found")
-            course.checks = checks
+            over, told = [turn.name for turn in recipe.turns[: len(at["over"])]], (at["checks"], at["renewed"])
+            if at["over"] != over or any(type(rows) is not list for rows in told):
+                raise ValueError("it does not tell which turns are over")
+            if any(type(row) is not dict for rows in told for row in rows):
+                raise ValueError("it does not tell what was found meanwhile")
+            course.checks, course.renewed = told
             course.results = {name: read_results(parts_of(f"results.{name}", arrays)) for name in over}
             if at["practice"] is not None:
                 course._prepare(Standing.unpack(at["practice"], parts_of("practice", arrays)))
@@ -118,7 +123,8 @@ class TeamCourse:
         if self._practice is not None:
             practice, parts = self._practice.at.pack()
             arrays |= with_prefix("practice", parts)
-        at = {"members": headers, "checks": self.checks, "over": list(self.results), "practice": practice}
+        at = {"members": headers, "checks": self.checks, "over": list(self.results)}
+        at |= {"renewed": self.renewed, "practice": practice}
         write_checkpoint(path, _identity(self.recipe, self.seed), {**at, "done": self.done}, arrays)
 
     @property
@@ -153,6 +159,8 @@ class TeamCourse:
             InputError: no start was found.
         """
         if self._practice is None:
+            if self.turn.models == "again":
+                self._renew_models()
             self._prepare(None)
         practice = self._practice
         assert practice is not None
@@ -161,12 +169,37 @@ class TeamCourse:
             self._end(practice)
         return found
 
+    def _renew_models(self) -> None:
+        """Identify the models of those who learn again from what they saw last; values keep their states.
+
+        An object that was in view for fewer than ``store.least_windows`` steps keeps its model, and one whose model the
+        stored actions do not excite.
+        """
+        recipe = self.recipe
+        everything = msgspec.structs.replace(recipe.experience, windows=recipe.store.steps)
+        for n in self.learners(self.turn):
+            member, renewed = self.members[n], []
+            if member.values is None or member.store is None:
+                continue
+            for settings, known in zip(member.settings.objects, member.models, strict=True):
+                stretches = stored_stretches(member.store, slot_of(recipe, n, settings.kind), settings.kind)
+                windows, model = window_count(stretches), None
+                if windows >= recipe.store.least_windows:
+                    width = recipe.world.camera.width_px
+                    model, _ = identified_again(settings, stretches, everything, image_width=width)
+                if model is not None and settings.estimator == "cva":
+                    model = align(model, known, stretches)
+                told = {"turn": self.turn.name, "robot": member.settings.name, "object": settings.kind}
+                self.renewed.append({**told, "windows": windows, "kept": int(model is None)})
+                renewed.append(known if model is None else model)
+            member.models = tuple(renewed)
+
     def _prepare(self, standing: Standing | None) -> None:
         """Get the trials of the turn under way ready, from the beginning or from where they stand."""
         recipe, turn, number = self.recipe, self.turn, len(self.results)
         learners, total = self.learners(turn), self.recipe.trials_of(turn)
         tables = [self.members[n].first_table(recipe) for n in learners] if standing is None else standing.tables
-        scene = team_scene(recipe, self.members, learners, tables=tables)
+        scene = team_scene(recipe, self.members, learners, tables=tables, storing=recipe.stores)
         sides = {self.members[n].settings.team for n in learners}
 
         def run(first: int, count: int) -> Results:
@@ -276,11 +309,17 @@ def _pack(member: Member) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     if member.table is not None:
         header["states"] = len(member.table.rows)
         arrays |= with_prefix("table", pack_table(member.table))
+    if member.store is not None:
+        arrays |= with_prefix("store", pack_store(member.store))
     return header, arrays
 
 
-def _unpack(settings: Any, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Member:
+def _unpack(member: Member, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Member:
     table = None
     if header["states"] is not None:
         table = unpack_table(parts_of("table", arrays), header["states"])
-    return Member(settings, unpack_models(header["objects"], arrays), arrays.get("values"), table)
+    if member.store is not None:
+        unpack_store(member.store, parts_of("store", arrays))
+    return dataclasses.replace(
+        member, models=unpack_models(header["objects"], arrays), values=arrays.get("values"), table=table
+    )

@@ -9,7 +9,14 @@ from msgspec import UNSET, Meta, UnsetType
 
 from behaviors.recipe import Recipe
 from behaviors.reward import EarnSettings, RewardSettings
-from behaviors.settings import ActionSettings, ExperienceSettings, LearningSettings, ModelSettings, MoverSettings
+from behaviors.settings import (
+    ActionSettings,
+    ExperienceSettings,
+    LearningSettings,
+    ModelSettings,
+    MoverSettings,
+    StoreSettings,
+)
 from coevo.config import FileSettings, Settings, Share, StartSettings, WorldSettings
 from coevo.errors import nearest_name
 from coevo.recipes import read_settings
@@ -34,6 +41,9 @@ class TurnSettings(Settings, frozen=True, kw_only=True):
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9-]{0,15}\Z")]
     learners: tuple[str, ...]
     trials: _Trials | UnsetType = UNSET  # instead of the recipe's
+    # again: those who have learned before get models from what they saw last, mapped so that their states mean what
+    # they meant; see behaviors.experience.align
+    models: Literal["kept", "again"] = "kept"
 
     def __post_init__(self) -> None:
         if not self.learners:
@@ -64,6 +74,7 @@ class TeamRecipe(FileSettings, frozen=True, kw_only=True):
     fixed_epsilon: Share = 0.0  # random actions of a robot that plays what it has learned
     games: Annotated[int, Meta(ge=10, le=100_000)] = 1000  # greedy ones that measure all robots after the last turn
     experience: ExperienceSettings = ExperienceSettings()
+    store: StoreSettings = StoreSettings()  # for models = "again"
     action: ActionSettings = ActionSettings()
     learning: LearningSettings = LearningSettings(method="actor-critic")
     world: WorldSettings = WorldSettings()
@@ -95,11 +106,24 @@ class TeamRecipe(FileSettings, frozen=True, kw_only=True):
                     )
             if len(set(turn.learners)) < len(turn.learners):
                 raise ValueError(f"turns: {turn.name!r} names a learner twice: {', '.join(turn.learners)}")
+        known: set[str] = set()
+        for turn in self.turns:
+            if turn.models == "again" and not known & {*turn.learners}:
+                raise ValueError(
+                    f"turns: {turn.name!r} makes models again, but of {', '.join(turn.learners)} nobody has learned"
+                    " before; leave models out"
+                )
+            known |= {*turn.learners}
 
     @property
     def names(self) -> list[str]:
         """Of its robots."""
         return [member.name for member in self.robots]
+
+    @property
+    def stores(self) -> bool:
+        """Whether robots store what they see."""
+        return any(turn.models == "again" for turn in self.turns)
 
     @property
     def is_vector(self) -> bool:

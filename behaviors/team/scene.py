@@ -14,19 +14,20 @@ from behaviors.tabular.table import Table, make_table
 from behaviors.team.recipe import MemberSettings, TeamRecipe, mates_of
 from behaviors.trials.criteria import contact_events, make_criteria
 from behaviors.trials.kernels import Results
-from behaviors.trials.minds import Mind
+from behaviors.trials.minds import Mind, Store, make_store
 from behaviors.trials.scene import Part, Scene, make_scene
 from behaviors.trials.solo import blind_models
 from behaviors.trials.task import COLLIDED, CONCEDED, GIVEN_AWAY, KICKED, PASSED, SUCCEEDED, TEAM, TOUCHED, TaskParams
 from coevo.errors import InputError
 from coevo.skill import ObjectModel, Skill, make_bank
 from coevo.skill.model import MOST_STATES
+from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
 from coevo.soccer.drive import action_set
 from coevo.soccer.events import event_params
 from coevo.soccer.placement import regions
 from coevo.stage import LEARNER, SKILL, STANDING
 
-__all__ = ["COUNTED", "Member", "no_start_of", "run_games", "team_scene", "unlearned"]
+__all__ = ["COUNTED", "Member", "no_start_of", "run_games", "slot_of", "team_scene", "unlearned"]
 
 # The events of a team by their names; contact is what happens in a step, and what is told of it how long it lasted.
 _EVENTS = {"goal": SUCCEEDED, "conceded": CONCEDED, "pass": PASSED, "giveaway": GIVEN_AWAY}
@@ -42,12 +43,14 @@ class Member:
         models: of its state.
         values: (states, actions) float32 that it plays by; None as long as it has learned nothing.
         table: with which it goes on to learn.
+        store: its latest experience, if models are made again from it.
     """
 
     settings: MemberSettings
     models: tuple[ObjectModel, ...]
     values: NDArray[np.float32] | None = None
     table: Table | None = None
+    store: Store | None = None
 
     def skill(self, recipe: TeamRecipe) -> Skill:
         """Return what it has learned; zeros as long as there is nothing.
@@ -85,7 +88,18 @@ class Member:
 
 def unlearned(recipe: TeamRecipe) -> list[Member]:
     """Return the robots before they have models: they look at the right objects, but know nothing."""
-    return [Member(settings, blind_models(settings.objects)) for settings in recipe.robots]
+    found = [Member(settings, blind_models(settings.objects)) for settings in recipe.robots]
+    if recipe.stores:
+        for member in found:
+            member.store = make_store(recipe.store.steps, ROBOTS + len(found))  # the nearest robot is there once more
+    return found
+
+
+def slot_of(recipe: TeamRecipe, robot: int, kind: str) -> int:
+    """Return where in its memory a robot has an object."""
+    mate = mates_of(recipe)[robot]
+    others = {"mate": ROBOTS + mate - (mate > robot), "robot": ROBOTS + len(recipe.robots) - 1}
+    return {"ball": BALL, "own_goal": OWN_GOAL, "opponent_goal": OPPONENT_GOAL, **others}[kind]
 
 
 def team_scene(
@@ -94,6 +108,7 @@ def team_scene(
     learners: Sequence[int] = (),
     *,
     tables: Sequence[Table] = (),
+    storing: bool = False,
 ) -> Scene:
     """Return the world with all robots in it; the skill of the bank that each has is that of its own number.
 
@@ -102,6 +117,7 @@ def team_scene(
         members: its robots.
         learners: the numbers of those that learn.
         tables: that these learn.
+        storing: whether who sees keeps it in its store, which then is a part of the scene's.
     """
     actions, settings = len(action_set(recipe.world.robot).codes), recipe.reward
     channels = len(settings.channels) if recipe.is_vector else 0
@@ -121,6 +137,7 @@ def team_scene(
             still = of._replace(epsilon_start=recipe.fixed_epsilon, epsilon_end=recipe.fixed_epsilon)
             mind = Mind(still, make_table(1, actions, channels=channels))
         role = LEARNER if n in learners else member.role()
+        mind.store = member.store if storing and role != STANDING else None
         parts.append(Part(role, mind, n, mate=mate, sees=role != STANDING, team=member.settings.team))
     task = TaskParams(
         task=TEAM,
@@ -136,7 +153,7 @@ def team_scene(
         goal_ends=True,
         by_last_touch=recipe.credit == "last-touch",
     )
-    return make_scene(
+    scene = make_scene(
         recipe.world,
         task,
         parts,
@@ -145,6 +162,10 @@ def team_scene(
         time_limit=recipe.time_limit_steps,
         regions=regions([member.settings.start for member in members], recipe.ball),
     )
+    for member, mind in zip(members, scene.minds, strict=True):
+        if mind.store is not None:
+            member.store = mind.store
+    return scene
 
 
 def _sums(recipe: TeamRecipe) -> dict[int, float]:

@@ -27,7 +27,10 @@ __all__ = [
     "make_minds",
     "make_store",
     "outlook_of",
+    "pack_store",
+    "rows_in_order",
     "table_of",
+    "unpack_store",
     "with_tables_of",
 ]
 
@@ -51,6 +54,28 @@ def make_store(rows: int, objects: int) -> Store:
     """Make room for the latest ``rows`` steps of a robot whose memory holds so many objects."""
     features, areas = np.zeros((rows, objects, FEATURES)), np.zeros((rows, objects))
     return Store(np.zeros(rows, np.int64), np.zeros((rows, 2)), features, areas, np.zeros(1, np.int64))
+
+
+def rows_in_order(store: Store) -> NDArray[np.int64]:
+    """Return the rows of a store that were written, oldest first."""
+    rows, written = len(store.trial), int(store.written[0])
+    return np.arange(max(0, written - rows), written) % rows
+
+
+def pack_store(store: Store) -> dict[str, NDArray[Any]]:
+    """Return what was stored, by name, for a file: without rows that were never written."""
+    rows = min(len(store.trial), int(store.written[0]))
+    return {name: part if name == "written" else part[:rows] for name, part in store._asdict().items()}
+
+
+def unpack_store(room: Store, parts: Mapping[str, NDArray[Any]]) -> None:
+    """Put what was packed into an empty store.
+
+    Raises:
+        ValueError: there is no room for it.
+    """
+    for name, part in parts.items():
+        getattr(room, name)[: len(part)] = part
 
 
 class Criteria(NamedTuple):

@@ -7,7 +7,7 @@ import pytest
 
 from behaviors.schedule.agents import NAMES, PERIODS, new_agents
 from behaviors.schedule.course import Course
-from behaviors.schedule.models import stored_stretches
+from behaviors.schedule.models import stored_by
 from behaviors.schedule.recipe import read_schedule, transfer_world
 from behaviors.schedule.scene import pair_scene
 from behaviors.trials.task import COLLISION, SUCCESS
@@ -183,7 +183,7 @@ def test_prediction_errors_are_of_what_was_stored_in_greedy_trials(small_schedul
     assert {name for name, _ in told} == set(NAMES)
     for agent in one.agents:
         for kind, model in agent.predictors.items():
-            parts = [(seen - model.predict(u, seen))[:, CENTRE_Y] for u, seen in stored_stretches(agent.store, kind)]
+            parts = [(seen - model.predict(u, seen))[:, CENTRE_Y] for u, seen in stored_by(agent, kind)]
             error = np.concatenate(parts)
             error = error[np.isfinite(error)]
             row = told[agent.name, kind]
@@ -192,9 +192,7 @@ def test_prediction_errors_are_of_what_was_stored_in_greedy_trials(small_schedul
     for row in one.told["exchange"]:
         agent = one.agents[NAMES.index(row["robot"])]
         other = one.agents[1 - agent.number].predictors[row["object"]]
-        parts = [
-            (seen - other.predict(u, seen))[:, CENTRE_Y] for u, seen in stored_stretches(agent.store, row["object"])
-        ]
+        parts = [(seen - other.predict(u, seen))[:, CENTRE_Y] for u, seen in stored_by(agent, row["object"])]
         error = np.concatenate(parts)
         theirs = np.sqrt(np.nanmean(error**2))
         assert row["error_ratio"] == pytest.approx(theirs / told[row["robot"], row["object"]]["rms_px"])

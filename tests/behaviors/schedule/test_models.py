@@ -14,7 +14,7 @@ from behaviors.schedule.models import (
     prediction_errors,
     renew_models,
     residuals,
-    stored_stretches,
+    stored_by,
 )
 from behaviors.trials.minds import make_store
 from behaviors.trials.task import PASSER, SHOOTER
@@ -45,7 +45,7 @@ def test_states_that_are_mapped_are_mapped_back_by_alignment(pair):
     random = np.random.default_rng(1)
     mapping, moved = random.normal(size=(3, 3)), random.normal(size=len(model.past_mean))
     mapped = dataclasses.replace(model, memory_matrix=mapping @ model.memory_matrix, past_mean=model.past_mean + moved)
-    back = align(mapped, model, stored_stretches(agent.store, "ball"))
+    back = align(mapped, model, stored_by(agent, "ball"))
     np.testing.assert_allclose(back.memory_matrix, model.memory_matrix, rtol=1e-6, atol=1e-9)
     zero = model.memory_matrix @ (back.past_mean - model.past_mean)  # the state is the same of whatever past
     np.testing.assert_allclose(zero, 0.0, atol=1e-6)
@@ -109,7 +109,7 @@ def heights_of(agent):
 
 def test_residuals_are_what_was_seen_less_what_was_predicted(watching):
     for agent, error in zip(watching, (0.5, 4.0), strict=True):
-        found = residuals(agent.predictors["ball"], stored_stretches(agent.store, "ball"))
+        found = residuals(agent.predictors["ball"], stored_by(agent, "ball"))
         np.testing.assert_allclose(found[:, 0], error * ROWS)
         np.testing.assert_allclose(found[:, 1], heights_of(agent))
 

@@ -18,14 +18,17 @@ from behaviors.studies.watching import chapter5_watch
 from behaviors.team.course import TeamCourse
 from behaviors.team.recipe import read_team
 from behaviors.team.scene import Member, unlearned
+from behaviors.trials.minds import rows_in_order
 from behaviors.trials.task import CONCEDED, FAILURE, PASSED, SUCCEEDED, SUCCESS
 from behaviors.watching import team_recording
 from coevo.errors import InputError
 from coevo.seeds import SetStream, generator
 from coevo.skill import load_skill
+from coevo.soccer.camera import BALL, OPPONENT_GOAL, ROBOTS
 from coevo.soundness import check_summary
 from coevo.stage import LEARNER, SKILL, STANDING
 
+SLOTS = {"ball": BALL, "opponent_goal": OPPONENT_GOAL, "mate": ROBOTS}
 TINY = (
     "trials=300",
     "time_limit_steps=60",
@@ -212,6 +215,58 @@ def test_a_run_of_a_study_goes_on_where_it_was_left_and_is_not_done_twice(tmp_pa
     with (left / "frequencies.csv").open(encoding="utf-8", newline="") as file:
         last = [one for one in csv.DictReader(file) if one["turn"] == "games" and one["robot"] == "r2"]
     assert row["last_turn_goals_team1"] == sum(int(one["scored"]) for one in last)
+
+
+AGAIN = ("turns.2.models=again", "turns.3.models=again", "store.steps=2000", "store.least_windows=200")
+
+
+def test_models_are_made_again_from_what_was_seen_last(tmp_path):
+    course = course_of("chapter5/shoot-and-pass", *AGAIN, blind=False)
+    plain = course_of("chapter5/shoot-and-pass", blind=False)
+    assert plain.members[0].store is None
+    before, rows = [], []
+    for turn in "ABCD":
+        assert course.turn.name == turn
+        models = [member.models for member in course.members]
+        seen = [np.count_nonzero(rows_in_order(member.store) >= 0) for member in course.members]
+        counts = [
+            {kind: int((member.store.areas[: seen[n], slot] > 0).sum()) for kind, slot in SLOTS.items()}
+            for n, member in enumerate(course.members)
+        ]
+        course.advance()
+        if turn in "AB":
+            plain.advance()
+            assert all(
+                (a.store is None) != (b.store is None) for a, b in zip(plain.members, course.members, strict=True)
+            )
+        (learner,) = course.learners(course.turn)
+        for n, member in enumerate(course.members):
+            for old, new in zip(models[n], member.models, strict=True):
+                made = any(
+                    (row["turn"], row["robot"], row["object"], row["kept"]) == (turn, member.settings.name, old.kind, 0)
+                    for row in course.renewed
+                )
+                assert np.array_equal(old.memory_matrix, new.memory_matrix) != made
+                assert made <= (n == learner and turn in "CD")
+                assert old.memory_matrix.shape == new.memory_matrix.shape
+        for row in course.renewed[len(rows) :]:
+            assert row["windows"] == counts[learner][row["object"]]
+            assert row["kept"] or row["windows"] >= 200
+        rows = list(course.renewed)
+        before.append(len(rows))
+        course.save(tmp_path / "course.npz")
+        course = TeamCourse.load(tmp_path / "course.npz", course.recipe, 1)
+        course.save(tmp_path / "again.npz")
+        assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "course.npz").read_bytes()
+        course.advance()
+        if turn in "AB":
+            plain.advance()
+            values = [member.values for member in (*course.members, *plain.members)]
+            assert np.array_equal(values[0], values[2])  # that they store changes nothing
+    assert before == [0, 0, 3, 6]
+    assert any(not row["kept"] for row in rows)
+    with pytest.raises(InputError, match="'A' makes models again, but of r0 nobody has learned before"):
+        read_team("chapter5/shoot-and-pass", ["turns.0.models=again"])
 
 
 def test_what_is_watched_are_the_games_that_measure_it():

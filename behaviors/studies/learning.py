@@ -11,6 +11,7 @@ import msgspec
 from msgspec import UNSET
 
 from behaviors.cards import make_card
+from behaviors.coordination.relearning import shared_models
 from behaviors.curriculum import check_curriculum
 from behaviors.learned import (
     CARD_GAMES,
@@ -55,11 +56,11 @@ class SkillRuns:
         if settings.curriculum is not UNSET:
             check_curriculum(settings, settings.trials)
         named = [model.model_of for model in settings.objects] + [settings.mover.skill]
-        if settings.coordination is not UNSET:
-            named += settings.coordination.skills
         for name in named:
             if name is not UNSET:
                 load_skill(of_seed(name, settings.seed))
+        if settings.coordination is not UNSET:
+            shared_models(settings, settings.seed)  # loads its skills, and tells whether they fit
         return []
 
     def warm_up(self, settings: FileSettings, tell: Callable[[str], None]) -> None:

@@ -58,6 +58,7 @@ PUBLIC = (
     "coevo.recipes.read_settings",
     "coevo.recipes.recipe_names",
     "coevo.run.open_run",
+    "coevo.seal.seal",
     "coevo.seeds.game_seeds",
     "coevo.seeds.global_random",
     "coevo.settlement.taken_over",

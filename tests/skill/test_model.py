@@ -275,7 +275,7 @@ def test_a_card_lies_beside_its_skill(saved):
 def test_a_broken_card_is_named_with_the_remedy(saved):
     path, _ = saved
     path.with_name("card.json").write_text("{", encoding="utf-8")
-    with pytest.raises(InputError, match=r"card\.json is not valid JSON.*coevo skills evaluate"):
+    with pytest.raises(InputError, match=r"card\.json is damaged: .*; learn the skill again with 'coevo learn'"):
         read_card(path)
 
 

@@ -216,6 +216,9 @@ def identified_again(
     """Return a new model of an object as ``make_model`` does, none if the actions do not excite it.
 
     Those of a greedy policy may be too much the same to tell their effects apart.
+
+    Raises:
+        InputError: what was seen is not enough for the settings of the model.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("error", PersistentExcitationWarning)
@@ -223,6 +226,8 @@ def identified_again(
             return make_model(settings, stretches, experience, image_width=image_width)
         except PersistentExcitationWarning:
             return None, None
+        except ValueError as error:
+            raise InputError(f"the model of {settings.kind} cannot be made again: {error}") from None
 
 
 def _states(model: ObjectModel, actions: Array, observations: Array, longest: int) -> Array:

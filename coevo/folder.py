@@ -180,7 +180,7 @@ class Folder:
                 raise InputError(f"{path} is damaged: its contents do not match its digest; {remedy}")
             if bytes(arrays.pop("run")) != self._identity:
                 raise InputError(f"{path} belongs to another run; {remedy}")
-            if bytes(arrays.pop("name", name.encode())) != name.encode():  # older ones do not tell
+            if bytes(arrays.pop("name")) != name.encode():
                 raise InputError(f"{path} is a result of another name; {remedy}")
         except (LookupError, OSError, DamagedFileError, TypeError, ValueError) as error:
             raise InputError(f"{path} is damaged ({error}); {remedy}") from None

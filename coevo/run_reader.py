@@ -321,12 +321,14 @@ class RunReader(Folder):
         """Return ``champions.csv``, a row a robot of ``CHAMPION_COLUMNS``; None if none were judged again (yet).
 
         Raises:
-            InputError: it is damaged.
+            InputError: it is damaged or lost.
         """
         import pandas as pd
 
         path, chain = self.path / CHAMPIONS, self.chain
         if not self.config.evaluation.champion_games or not path.exists():
+            if chain is not None and CHAMPIONS in chain.digests:  # others would be shown in their place
+                raise InputError(f"{path} is lost; 'coevo resume {self.path}' makes it anew")
             return None
         try:
             data = read_whole(path)

@@ -116,7 +116,33 @@ def _table_rows(path: Path) -> list[dict[str, str]]:
             raise ValueError(f"{Path(name) / ROW} does not tell what the run came to") from None
         if None in row or any(row.get(column) != str(cell) for column, cell in {**told.row, **told.key}.items()):
             raise ValueError(f"its row of {name} is not what the run came to")
+    _check_runs(path, [row["run"] for row in rows])
     return rows
+
+
+def _check_runs(path: Path, found: Sequence[str]) -> None:
+    """Compare the runs of a table with those of the study, in their order, and with those that are finished.
+
+    Raises:
+        ValueError: a run is another, stands elsewhere, or is lacking.
+    """
+    if not (path / STUDY).exists():  # a table of which nothing else was kept
+        return
+    try:
+        record = check(StudySettings, read_toml(path / STUDY), STUDY)
+    except InputError as error:
+        raise ValueError(str(error)) from None
+    if not record.conditions:  # of before
+        return
+    seeds = range(record.seeds) if isinstance(record.seeds, int) else record.seeds
+    planned = [f"{label}-seed{seed}" for label in record.conditions for seed in seeds]
+    if list(found) != [name for name in planned if name in set(found)]:
+        raise ValueError("its rows are not those of the study, in their order")
+    if any(path.glob(f"{_FLAG}*")):  # what is finished by now may not have come into the table yet
+        return
+    lacking = [name for name in planned if name not in set(found) and (path / name / ROW).exists()]
+    if lacking:
+        raise ValueError(f"it has no row of {lacking[0]}, which is finished")
 
 
 def check_study(path: Path) -> list[Finding]:

@@ -132,7 +132,10 @@ def check_set(folder: Path) -> list[Finding]:
     """Return what is sound of a set: what it came to, its files, and the settings of its method."""
     found, path = check_summary(folder / _SUMMARY), folder.parent / _SETTINGS
     if found[0].state == "sound":
-        known, why = unseal(read_text(folder / _SUMMARY)).get(_OF), ""
+        summary = unseal(read_text(folder / _SUMMARY))
+        known, why = summary.get(_OF), ""
+        if known is None and "set" not in summary:
+            return [Finding(_SUMMARY, "damaged", f"{folder / _SUMMARY} is damaged: it is no summary of a set")]
         if known is not None:
             why = why_unsound(folder.parent, _SETTINGS, known, "put it back as it was")
         found.append(Finding(f"../{path.name}", "damaged" if why else "sound", why))

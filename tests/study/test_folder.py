@@ -97,6 +97,15 @@ def test_a_digit_that_flipped_is_noticed_wherever_it_is(folder, plan):
         with pytest.raises(InputError, match=r"table\.csv is damaged.*the same 'coevo study' makes it anew"):
             finished_runs(folder.path)
         assert [finding.name for finding in check_study(folder.path) if finding.state == "damaged"] == ["table.csv"]
+    header, *lines = whole.splitlines(keepends=True)
+    folder.leave()
+    for others in (lines[::-1], lines[:2] + lines[3:], [*lines, lines[0]]):
+        folder.table.write_bytes(header + b"".join(others))
+        with pytest.raises(InputError, match=r"table\.csv is damaged .*(in their order|which is finished)"):
+            finished_runs(folder.path)
+    folder.flag.touch()
+    folder.table.write_bytes(header + b"".join(lines[:2]))  # while it goes on
+    assert len(finished_runs(folder.path)) == 2
     folder.table.write_bytes(whole)
     path = folder.path / plan.runs[3].name / ROW
     path.write_bytes(path.read_bytes().replace(b"0.375", b"0.378"))

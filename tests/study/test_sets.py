@@ -44,6 +44,12 @@ def test_a_set_that_was_altered_is_not_read(method, coevo, name, old, new):
     assert coevo("check", method.folder).code == 1
 
 
+def test_settings_in_the_place_of_a_summary_are_told(method):
+    (method.folder / "set-01" / "set.json").write_bytes(b'{"trials": 1}')
+    with pytest.raises(InputError, match="it is no summary of a set"):
+        read_sets(method.folder.parent)
+
+
 def test_no_rows_are_an_empty_table(method):
     write_set(method, 0, b"{}", {"checks.csv": table_bytes([])})
     assert read_sets(method.folder.parent)["previous"][0].rows("checks.csv") == []

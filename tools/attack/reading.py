@@ -27,6 +27,7 @@ from behaviors.studies.team import learn_team
 from behaviors.team.recipe import read_team
 from coevo.cli.commands import cli
 from coevo.errors import InputError
+from coevo.seal import unseal
 from coevo.skill import load_skill, read_card
 from coevo.study import cores, open_method, read_sets, write_set
 from coevo.study.folder import finished_runs
@@ -119,7 +120,8 @@ def _sets(path: Path) -> object:
 def _team(path: Path) -> object:
     names = sorted(one.name for one in path.iterdir() if one.suffix in (".csv", ".json"))
     skills = [load_skill(one).digest for one in sorted(path.glob("*.npz"))]
-    return [(one, (path / one).read_bytes()) for one in names], skills
+    told = [unseal(data) if one.endswith(".json") else data for one in names if (data := (path / one).read_bytes())]
+    return names, told, skills
 
 
 def _study(source: Path) -> Callable[[Path], object]:

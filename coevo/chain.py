@@ -8,10 +8,10 @@ anything before it is as it was.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Self
 
-__all__ = ["Chain", "sha256"]
+__all__ = ["Chain", "rows_digest", "sha256"]
 
 _HEADER = "what,sha256,chain"
 
@@ -19,6 +19,11 @@ _HEADER = "what,sha256,chain"
 def sha256(data: bytes) -> str:
     """Return a digest as hexadecimal digits."""
     return hashlib.sha256(data).hexdigest()
+
+
+def rows_digest(lines: Sequence[str]) -> str:
+    """Return the SHA-256 of lines of a table."""
+    return sha256(("\n".join(lines) + "\n").encode())
 
 
 class Chain:

@@ -15,7 +15,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from coevo.chain import Chain, sha256
+from coevo.chain import Chain, rows_digest, sha256
 from coevo.config import EvolutionSettings, check_experiment, read_toml, to_toml
 from coevo.environment import environment
 from coevo.errors import InputError
@@ -27,7 +27,7 @@ from coevo.levels import LevelRecord, level_lines
 from coevo.measures import MEASURES, measure_lines
 from coevo.plugins import own_file
 from coevo.records import Checkpoint, GenerationRecord, columns, individuals_table, table_lines
-from coevo.run_reader import AGAIN, CHAMPION_COLUMNS, CHAMPIONS, DIGESTS, OLDER, RunReader, part_name, rows_digest
+from coevo.run_reader import AGAIN, CHAMPION_COLUMNS, CHAMPIONS, DIGESTS, OLDER, RunReader, part_name
 
 __all__ = ["CHAMPION_COLUMNS", "Run", "create_run", "open_run"]
 

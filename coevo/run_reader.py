@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coevo.chain import Chain, sha256
+from coevo.chain import Chain, rows_digest, sha256
 from coevo.config import EvolutionSettings, to_toml
 from coevo.errors import InputError
 from coevo.files import MOST_FILE_BYTES, DamagedFileError, read_arrays, read_text, read_whole
@@ -35,7 +35,6 @@ __all__ = [
     "OLDER",
     "RunReader",
     "part_name",
-    "rows_digest",
     "why_unsound",
 ]
 
@@ -51,11 +50,6 @@ OLDER = (
 def part_name(generation: int) -> str:
     """Return the name of a generation's part in a run folder."""
     return f"individuals.parquet/part-{generation:05d}.parquet"
-
-
-def rows_digest(lines: Sequence[str]) -> str:
-    """Return the SHA-256 of lines of a table."""
-    return sha256(("\n".join(lines) + "\n").encode())
 
 
 def why_unsound(folder: Path, name: str, digest: str, remedy: str = f"{AGAIN}, or put it back as it was") -> str:
@@ -265,8 +259,8 @@ class RunReader(Folder):
     @property
     def is_finished(self) -> bool:
         """Whether every generation is there, and the last champions are chosen, if they are to be judged again."""
-        chosen = not self.config.evaluation.champion_games or (self.path / CHAMPIONS).exists()
-        return self.finished >= self.config.gp.generations and chosen
+        all_played = self.finished >= self.config.gp.generations
+        return all_played and (not self.config.evaluation.champion_games or (self.path / CHAMPIONS).exists())
 
     def _part_path(self, generation: int) -> Path:
         return self.path / part_name(generation)
@@ -348,8 +342,8 @@ class RunReader(Folder):
         return table
 
     def _damaged_champions(self, why: str) -> InputError:
-        remedy = f"delete it; 'coevo resume {self.path}' makes it anew"
-        return InputError(f"{self.path / CHAMPIONS} is damaged ({why}); {remedy}")
+        path = self.path / CHAMPIONS
+        return InputError(f"{path} is damaged ({why}); delete it; 'coevo resume {self.path}' makes it anew")
 
     def champion(self, robot: str, generation: int) -> tuple[int, int]:
         """Return generation and rank of the champion of a role in a generation.

@@ -8,11 +8,10 @@ import shutil
 import pandas as pd
 import pytest
 
-from coevo.chain import Chain
+from coevo.chain import Chain, rows_digest
 from coevo.cli import studying
 from coevo.recipes import recipe_path
 from coevo.run import open_run
-from coevo.run_reader import rows_digest
 from coevo.study import cluster, evolving
 from coevo.study.plan import read_plan
 

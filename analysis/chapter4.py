@@ -50,17 +50,8 @@ def worlds(arms: Mapping[str, Sequence[Learned]]) -> dict[str, list[str]]:
 
 def in_all(arms: Arms) -> Report:
     """Return what each arm needed in all: medians over sets, with how many met the criteria on the highest level."""
-    header = [
-        "arm",
-        "sets",
-        "met",
-        "trials",
-        "net of the floor",
-        "million steps",
-        "with the models'",
-        "hours of the robot",
-    ]
-    header.append("states")
+    header = ["arm", "sets", "met", "trials", "net of the floor"]
+    header += ["million steps", "with the models'", "hours of the robot", "states"]
     rows: Rows = []
     for name, runs in arms.items():
         met = sum(run.met > 0 for run in runs)
@@ -172,16 +163,8 @@ def periods(arms: Arms) -> Report:
 
 def comparisons(arms: Arms) -> Report:
     """Return by what factor arms need more trials than the two with all axes, levels and none, in the same world."""
-    header = [
-        "arms",
-        "sets",
-        "trials",
-        "geometric mean",
-        "net",
-        "steps",
-        "with the models'",
-        "probability of fewer trials",
-    ]
+    header = ["arms", "sets", "trials", "geometric mean"]
+    header += ["net", "steps", "with the models'", "probability of fewer trials"]
     rows: Rows = []
     for prefix, names in worlds(arms).items():
         for base in [prefix + name for name in _BASES if prefix + name in names]:

@@ -19,10 +19,11 @@ from behaviors.trials.kernels import run_trials
 from coevo.compiled import is_compiled
 from coevo.config import FileSettings, check, file_kind, to_toml
 from coevo.errors import InputError
-from coevo.files import read_text, read_whole, write_whole
+from coevo.files import read_text, write_whole
 from coevo.recipes import recipe_names, recipe_path
-from coevo.seal import FILES, seal, unseal
+from coevo.seal import seal, unseal
 from coevo.seeds import SetStream
+from coevo.soundness import check_summary
 from coevo.study import table_bytes
 from coevo.study.kinds import Cell, Headlines
 
@@ -149,12 +150,9 @@ def _summary(recipe: TeamRecipe, course: TeamCourse) -> dict[str, Any]:
 
 
 def _told(folder: Path) -> dict[str, Any]:
-    try:
-        told = unseal(read_text(folder / TEAM))
-        files = {name: hashlib.sha256(read_whole(folder / name)).hexdigest() for name in told.get(FILES, {})}
-    except (OSError, TypeError, ValueError):  # learned again
+    if any(finding.state == "damaged" for finding in check_summary(folder / TEAM)):  # learned again
         return {}
-    return told if files == told.get(FILES, {}) else {}
+    return unseal(read_text(folder / TEAM))
 
 
 def _row(told: Mapping[str, Any]) -> dict[str, Cell]:

@@ -29,10 +29,10 @@ from coevo.study import read_set
 
 __all__ = ["chapter3_watch", "chapter5_watch"]
 
-_ALL = "all"
+_ALL, _ONLY = "all", ("pass", "goal", "both")
 
 
-def _options(only: Sequence[str], about: str, out: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def _options(about: str, out: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a command the folder that it shows trials of, which of them, and the file that it writes."""
 
     def give(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -41,7 +41,7 @@ def _options(only: Sequence[str], about: str, out: str) -> Callable[[Callable[..
             click.option(
                 "--games", type=click.IntRange(1, 100), default=5, show_default=True, help="How many to show."
             ),
-            click.option("--only", type=click.Choice([_ALL, *only]), default=_ALL, show_default=True, help=about),
+            click.option("--only", type=click.Choice([_ALL, *_ONLY]), default=_ALL, show_default=True, help=about),
             click.option(
                 "--out",
                 type=click.Path(path_type=Path),
@@ -59,11 +59,7 @@ def _options(only: Sequence[str], about: str, out: str) -> Callable[[Callable[..
 
 
 @click.command("chapter3-watch")
-@_options(
-    ("pass", "goal", "both"),
-    "Show trials with a pass, with the shooter's goal, or with both.",
-    "passer-and-shooter.html",
-)
+@_options("Show trials with a pass, with the shooter's goal, or with both.", "passer-and-shooter.html")
 def chapter3_watch(*, folder: Path, games: int, only: str, out: Path, as_json: bool, quiet: bool) -> None:
     """Watch what the passer and the shooter of a finished set learned in the periods A to D: Figures 3.11 and 3.12.
 
@@ -94,7 +90,7 @@ def chapter3_watch(*, folder: Path, games: int, only: str, out: Path, as_json: b
 
 
 @click.command("chapter5-watch")
-@_options(("pass", "goal", "both"), "Show games with a pass, with a goal of a robot, or with both.", "team.html")
+@_options("Show games with a pass, with a goal of a robot, or with both.", "team.html")
 def chapter5_watch(*, folder: Path, games: int, only: str, out: Path, as_json: bool, quiet: bool) -> None:
     """Watch what robots that learned by turns do after the last turn: tasks (iii) and (iv) of chapter 5.
 

@@ -11,18 +11,19 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import secrets
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
-from coevo.chain import sha256
 from coevo.config import check, read_toml, to_toml
 from coevo.errors import InputError
-from coevo.files import make_folder, parse_json, read_text, read_whole, write_whole
+from coevo.files import make_folder, read_text, read_whole, write_whole
 from coevo.folder import lock_folder
+from coevo.seal import seal, unseal
 from coevo.soundness import Finding
 from coevo.study.kinds import Cell
 from coevo.study.plan import RECIPES, Plan, PlannedRun, StudySettings
@@ -53,13 +54,13 @@ def row_bytes(measured: Sequence[str], row: Mapping[str, Cell], key: Mapping[str
         measured: what was measured, by the names that its kind gives it.
         row: what it came to, by column.
         key: the columns before these: which run of the study it is.
+
+    Raises:
+        ValueError: a cell is no number that JSON knows.
     """
-    told = {"measured": list(measured), "row": dict(row), "key": dict(key)}
-    return (json.dumps({**told, "sha256": _digest(told)}, indent=2, allow_nan=False) + "\n").encode()
-
-
-def _digest(told: Mapping[str, Any]) -> str:
-    return sha256(json.dumps(told).encode())
+    if any(isinstance(cell, float) and not math.isfinite(cell) for cell in row.values()):
+        raise ValueError(f"a row must have finite numbers, got {dict(row)}")
+    return seal({"measured": list(measured), "row": dict(row), "key": dict(key)})
 
 
 def _read_row(path: Path) -> _Row:
@@ -69,12 +70,10 @@ def _read_row(path: Path) -> _Row:
         OSError: it cannot be read.
         ValueError, TypeError, LookupError: it is damaged.
     """
-    told = dict(parse_json(read_text(path)))
-    digest = told.pop("sha256", None)  # older ones have none
-    found = _Row(list(told["measured"]), dict(told["row"]), dict(told.get("key", {})))
-    if not told.keys() <= {"measured", "row", "key"} or digest not in (None, _digest(told)):
-        raise ValueError("it does not match its digest")
-    return found
+    told = unseal(read_text(path))
+    if not told.keys() <= {"measured", "row", "key"}:
+        raise ValueError("it is no row")
+    return _Row(list(told["measured"]), dict(told["row"]), dict(told.get("key", {})))
 
 
 def finished_runs(path: Path) -> list[tuple[Path, dict[str, str]]]:

@@ -126,6 +126,12 @@ def test_a_row_of_before_has_no_digest_and_counts(tmp_path):
     assert read_row(path) == (["robots"], {"share": 0.5}, {})
 
 
+@pytest.mark.parametrize("cell", [float("nan"), float("inf")])
+def test_a_row_has_finite_numbers(cell):
+    with pytest.raises(ValueError, match="finite"):
+        row_bytes(["robots"], {"share": cell}, {})
+
+
 def test_a_row_counts_only_with_the_whole_run_and_all_that_is_asked(folder, plan, monkeypatch):
     run, kind = plan.runs[0], kind_named("evolution")
     (folder.path / run.name).mkdir()

@@ -20,8 +20,8 @@ from behaviors.experience import align, identified_again, make_models, stored_st
 from behaviors.practice import Practice, Standing, read_results
 from behaviors.tabular.decisions import most_decisions
 from behaviors.tabular.table import pack_table, unpack_table
-from behaviors.team.recipe import TeamRecipe, TurnSettings, model_recipe
-from behaviors.team.scene import COUNTED, Member, no_start_of, run_games, slot_of, team_scene, unlearned
+from behaviors.team.recipe import TeamRecipe, TurnSettings, mates_of, model_recipe
+from behaviors.team.scene import COUNTED, Member, no_start_of, run_games, team_scene, unlearned
 from behaviors.team.tables import rates, turn_rows
 from behaviors.trials.kernels import Results
 from behaviors.trials.minds import pack_store, unpack_store
@@ -29,6 +29,8 @@ from behaviors.trials.scene import Watched
 from coevo.errors import InputError
 from coevo.seeds import SetStream, game_seed, game_seeds, generator
 from coevo.skill import Skill
+from coevo.skill.bank import CODES
+from coevo.skill.estimate import memory_slot
 from coevo.skill.model import pack_models, unpack_models
 
 __all__ = ["TeamCourse"]
@@ -182,7 +184,8 @@ class TeamCourse:
             if member.values is None or member.store is None:
                 continue
             for settings, known in zip(member.settings.objects, member.models, strict=True):
-                stretches = stored_stretches(member.store, slot_of(recipe, n, settings.kind), settings.kind)
+                slot = memory_slot(CODES[settings.kind], n, mates_of(recipe))
+                stretches = stored_stretches(member.store, slot, settings.kind)
                 windows, model = window_count(stretches), None
                 if windows >= recipe.store.least_windows:
                     width = recipe.world.camera.width_px

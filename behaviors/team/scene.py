@@ -21,13 +21,13 @@ from behaviors.trials.task import COLLIDED, CONCEDED, GIVEN_AWAY, KICKED, PASSED
 from coevo.errors import InputError
 from coevo.skill import ObjectModel, Skill, make_bank
 from coevo.skill.model import MOST_STATES
-from coevo.soccer.camera import BALL, OPPONENT_GOAL, OWN_GOAL, ROBOTS
+from coevo.soccer.camera import ROBOTS
 from coevo.soccer.drive import action_set
 from coevo.soccer.events import event_params
 from coevo.soccer.placement import regions
 from coevo.stage import LEARNER, SKILL, STANDING
 
-__all__ = ["COUNTED", "Member", "no_start_of", "run_games", "slot_of", "team_scene", "unlearned"]
+__all__ = ["COUNTED", "Member", "no_start_of", "run_games", "team_scene", "unlearned"]
 
 # The events of a team by their names; contact is what happens in a step, and what is told of it how long it lasted.
 _EVENTS = {"goal": SUCCEEDED, "conceded": CONCEDED, "pass": PASSED, "giveaway": GIVEN_AWAY}
@@ -91,15 +91,8 @@ def unlearned(recipe: TeamRecipe) -> list[Member]:
     found = [Member(settings, blind_models(settings.objects)) for settings in recipe.robots]
     if recipe.stores:
         for member in found:
-            member.store = make_store(recipe.store.steps, ROBOTS + len(found))  # the nearest robot is there once more
+            member.store = make_store(recipe.store.steps, ROBOTS + len(found))  # see coevo.skill.estimate.memory_slot
     return found
-
-
-def slot_of(recipe: TeamRecipe, robot: int, kind: str) -> int:
-    """Return where in its memory a robot has an object."""
-    mate = mates_of(recipe)[robot]
-    others = {"mate": ROBOTS + mate - (mate > robot), "robot": ROBOTS + len(recipe.robots) - 1}
-    return {"ball": BALL, "own_goal": OWN_GOAL, "opponent_goal": OPPONENT_GOAL, **others}[kind]
 
 
 def team_scene(

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from coevo.errors import InputError
 from coevo.skill.model import INPUTS, OBJECT_KINDS, Skill
 
-__all__ = ["MATE", "NEAREST", "SkillBank", "make_bank"]
+__all__ = ["CODES", "MATE", "NEAREST", "SkillBank", "make_bank"]
 
 # Codes of what a skill looks at. The first three are the camera's own object numbers; the other two are resolved
 # for each robot: a team mate to a fixed object, the nearest robot to the slot after the camera's objects.
 MATE, NEAREST = -1, -2
-_CODES = {"ball": 0, "own_goal": 1, "opponent_goal": 2, "mate": MATE, "robot": NEAREST}
+CODES = {"ball": 0, "own_goal": 1, "opponent_goal": 2, "mate": MATE, "robot": NEAREST}
 
 
 class SkillBank(NamedTuple):
@@ -77,7 +77,7 @@ def make_bank(skills: Sequence[Skill], *, drive: str, actions: int) -> SkillBank
         for i, model in enumerate(skill.objects):
             features = OBJECT_KINDS[model.kind]
             table[:, s, i] = (
-                _CODES[model.kind],
+                CODES[model.kind],
                 model.history_length,
                 model.order,
                 features,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,15 +42,30 @@ class Memory(NamedTuple):
     window: NDArray[np.float64]
 
 
+def memory_slot(code: int, robot: int, mates: Sequence[int]) -> int:
+    """Return where in its memory a robot has the object of a code of ``coevo.skill.bank``, -1 for nowhere.
+
+    The nearest robot is there once more, after all others.
+
+    Args:
+        code: of the object.
+        robot: which robot.
+        mates: of each robot the number of its team mate, -1 for none.
+    """
+    if code == MATE:
+        mate = mates[robot]
+        return -1 if mate < 0 else ROBOTS + mate - (mate > robot)
+    return ROBOTS + len(mates) - 1 if code == NEAREST else code
+
+
 def make_memory(bank: SkillBank, mates: list[int]) -> Memory:
     """Make room for the memory of robots; ``mates``: for each the number of its team mate, -1 for none."""
     robots, history = len(mates), bank.history
     objects = ROBOTS + robots
-    seen_as = [-1 if mate < 0 else ROBOTS + mate - (1 if mate > robot else 0) for robot, mate in enumerate(mates)]
     watched = np.zeros((robots, objects), np.int64)
     for code, features in zip(bank.objects.ravel().tolist(), bank.features.ravel().tolist(), strict=True):
         for robot in range(robots):
-            thing = seen_as[robot] if code == MATE else objects - 1 if code == NEAREST else code
+            thing = memory_slot(code, robot, mates)
             if thing >= 0:
                 watched[robot, thing] = max(watched[robot, thing], features)
     return Memory(
@@ -60,7 +76,7 @@ def make_memory(bank: SkillBank, mates: list[int]) -> Memory:
         seen=np.zeros((robots, objects), np.int64),
         side=np.zeros((robots, objects), np.int64),
         nearest=np.full(robots, -1, np.int64),
-        mate=np.array(seen_as, np.int64),
+        mate=np.array([memory_slot(MATE, robot, mates) for robot in range(robots)], np.int64),
         watched=watched,
         window=np.zeros(history * (2 + FEATURES)),
     )

@@ -16,7 +16,7 @@ from behaviors.commands import skills
 from behaviors.studies.team import TeamRuns
 from behaviors.studies.watching import chapter5_watch
 from behaviors.team.course import TeamCourse
-from behaviors.team.recipe import read_team
+from behaviors.team.recipe import mates_of, read_team
 from behaviors.team.scene import Member, unlearned
 from behaviors.trials.minds import rows_in_order
 from behaviors.trials.task import CONCEDED, FAILURE, PASSED, SUCCEEDED, SUCCESS
@@ -24,6 +24,8 @@ from behaviors.watching import team_recording
 from coevo.errors import InputError
 from coevo.seeds import SetStream, generator
 from coevo.skill import load_skill
+from coevo.skill.bank import MATE, NEAREST
+from coevo.skill.estimate import memory_slot
 from coevo.soccer.camera import BALL, OPPONENT_GOAL, ROBOTS
 from coevo.soundness import check_summary
 from coevo.stage import LEARNER, SKILL, STANDING
@@ -267,6 +269,19 @@ def test_models_are_made_again_from_what_was_seen_last(tmp_path):
     assert any(not row["kept"] for row in rows)
     with pytest.raises(InputError, match="'A' makes models again, but of r0 nobody has learned before"):
         read_team("chapter5/shoot-and-pass", ["turns.0.models=again"])
+
+
+def test_the_nearest_robot_is_stored_as_the_largest_of_the_others():
+    course = course_of("chapter5/three-robots", "turns.3.models=again", "store.steps=2000")
+    for _ in range(4):
+        course.advance()
+    mates = mates_of(course.recipe)
+    assert mates == [1, 0, -1]
+    assert [memory_slot(MATE, n, mates) for n in range(3)] == [ROBOTS, ROBOTS, -1]
+    for n in (0, 1):
+        areas = course.members[n].store.areas
+        assert (areas[:, memory_slot(NEAREST, n, mates)] == areas[:, [ROBOTS, ROBOTS + 1]].max(axis=1)).all()
+        assert areas.any()
 
 
 def test_what_is_watched_are_the_games_that_measure_it():

@@ -7,6 +7,7 @@ are compared within seeds.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,11 +16,10 @@ import numpy as np
 import pandas as pd
 
 from analysis.chapter3_figures import line_chart
-from analysis.chapter5_runs import CARD, WHILE, Arms, common, read_arms
+from analysis.chapter5_runs import CARD, WHILE, Arms, Rewarded, more_often, read_arms, within_sets
 from analysis.chapter5_team import read_teams, team_figures, team_report
 from analysis.charts import altair
 from analysis.written import Report, Rows, frame_table, mean_words, report_options, write_report
-from coevo.statistics import probability_of_improvement
 
 if TYPE_CHECKING:
     import altair as alt
@@ -54,22 +54,27 @@ def while_learning(arms: Arms) -> Report:
     return {"while-learning": (header, rows)}
 
 
+def _of_seeds(arms: Arms, what: Callable[[Rewarded], float]) -> dict[str, dict[int, float]]:
+    """Return something of each run, by arm and seed."""
+    return {name: {run.seed: what(run) for run in runs} for name, runs in arms.items()}
+
+
 def comparisons(arms: Arms) -> Report:
     """Return by how much success and collisions on the card differ within sets, and how probably one arm is better."""
     header = ["arms", "sets", "success", "probability of more", "collisions", "goals, first fifth"]
     rows: Rows = []
+    success = _of_seeds(arms, lambda run: run.on_card("success"))
+    others = [
+        _of_seeds(arms, lambda run: run.on_card("collisions")),
+        _of_seeds(arms, lambda run: run.while_learning("goals", _EARLY)),
+    ]
     for name in arms:
         for base in [one for one in ("votes", "w0", "q") if one in arms and one != name]:
-            success = common(arms[name], arms[base], "success")
-            if (base != "votes" and name == "votes") or not success.size:
+            pairs = [within_sets(found[name], found[base]) for found in (success, *others)]
+            if (base != "votes" and name == "votes") or not pairs[0].size:
                 continue
-            bumps = common(arms[name], arms[base], "collisions")
-            early = [{run.seed: run.while_learning("goals", _EARLY) for run in arms[arm]} for arm in (name, base)]
-            sooner = [early[0][seed] - early[1][seed] for seed in sorted(early[0].keys() & early[1].keys())]
-            told = [mean_words((one[0] - one[1]).tolist(), least=-1.0, most=1.0) for one in (success, bumps)]
-            better = "{:.2f} [{:.2f}, {:.2f}]".format(*probability_of_improvement(*success))
-            first = mean_words(sooner, least=-1.0, most=1.0)
-            rows.append([f"{name} - {base}", str(success.shape[1]), told[0], better, told[1], first])
+            told = [mean_words((first - second).tolist(), least=-1.0, most=1.0) for first, second in pairs]
+            rows.append([f"{name} - {base}", str(pairs[0].shape[1]), told[0], more_often(pairs[0]), *told[1:]])
     return {"comparisons": (header, rows)}
 
 
@@ -78,7 +83,8 @@ def two_by_two(arms: Arms) -> Report:
 
     The last is what both together add beyond the two.
     """
-    cells = [{run.seed: run.on_card("success") for run in arms.get(name, [])} for name in _CELLS]
+    success = _of_seeds(arms, lambda run: run.on_card("success"))
+    cells = [success.get(name, {}) for name in _CELLS]
     seeds = sorted(set.intersection(*(set(cell) for cell in cells)))
     effects = {
         "a discount for each": (-0.5, 0.5, -0.5, 0.5),

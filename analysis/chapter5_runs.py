@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from coevo.errors import InputError
 from coevo.soundness import require_as_learned
+from coevo.statistics import probability_of_improvement
 from coevo.study.folder import finished_runs
 
-__all__ = ["CARD", "WHILE", "Arms", "Rewarded", "common", "read_arms", "read_runs"]
+__all__ = ["CARD", "WHILE", "Arms", "Rewarded", "more_often", "read_arms", "read_runs", "within_sets"]
 
 Arms = dict[str, list["Rewarded"]]
 """By the name of an arm, in the order of the study, its finished runs."""
@@ -65,11 +66,15 @@ class Rewarded:
         return pd.DataFrame({"trial": self.blocks["trial"], "share": sums[WHILE[what]] / sums["trials"]})
 
 
-def common(first: list[Rewarded], second: list[Rewarded], what: str) -> NDArray[np.float64]:
-    """Return (2, sets) what two arms have on their cards, for the seeds that both have."""
-    values = [{run.seed: run.on_card(what) for run in runs} for runs in (first, second)]
-    seeds = sorted(seed for seed in values[0].keys() & values[1].keys())
-    return np.array([[one[seed] for seed in seeds] for one in values])
+def within_sets(first: Mapping[int, float], second: Mapping[int, float]) -> NDArray[np.float64]:
+    """Return (2, sets) what two arms have, by their seeds, in the sets that both have."""
+    seeds = sorted(first.keys() & second.keys())
+    return np.array([[one[seed] for seed in seeds] for one in (first, second)])
+
+
+def more_often(values: NDArray[np.float64]) -> str:
+    """Return in words how probably the first of two arms has more than the second: (2, sets), as ``within_sets``."""
+    return "{:.2f} [{:.2f}, {:.2f}]".format(*probability_of_improvement(*values))
 
 
 def read_arms(folder: Path) -> Arms:

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.chapter3_figures import line_chart
-from analysis.chapter5_runs import read_runs
+from analysis.chapter5_runs import more_often, read_runs, within_sets
 from analysis.written import Report, Rows, frame_table, mean_words
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ __all__ = [
     "Teams",
     "afterwards",
     "by_turn",
+    "comparisons",
     "curves",
     "histories",
     "read_teams",
@@ -43,6 +44,7 @@ _EVENTS = {
     "trials with collisions": "collided",
     "trials with kicks": "kicked",
 }
+_GREEDY = ("goals", "passes", "collisions of each robot")
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,15 @@ class TeamRun:
         """Return how often something of ``_EVENTS`` happened per trial of a turn, summed over robots."""
         parts = [self.of(turn=turn, robot=robot) for robot in robots]
         return float(sum(part[_EVENTS[what]].sum() / part["trials"].sum() for part in parts))
+
+    def greedy(self, what: str) -> float:
+        """Return one of _GREEDY, per greedy game after the last turn, of the first side."""
+        if what == "goals":
+            lost = float(self.row["scored_team1"]) if len(self.sides) > 1 else 0.0
+            return float(self.row["scored_team0"]) - lost
+        event = {"passes": "pass", "collisions of each robot": "collision"}[what]
+        shares = [float(self.row[f"{event}_{robot}"]) for robot in self.sides[0].split()]
+        return sum(shares) if what == "passes" else sum(shares) / len(shares)
 
     def goals(self, turn: str, team: int) -> int:
         """Return the goals of a side in a turn."""
@@ -152,6 +163,28 @@ def afterwards(teams: Teams) -> Report:
         for arm, runs in teams.items()
     ]
     return {"afterwards": (["arm", "sets", *(name.replace("_", " ") for name in columns)], rows)}
+
+
+def comparisons(teams: Teams) -> Report:
+    """Return how arms differ within sets in the greedy games after the last turn.
+
+    Each arm is compared with the first one and with those whose names end in ``q``, today's scalar learner; goals are
+    those of the first side, less those of the other if there is one.
+    """
+    rows: Rows = []
+    found = {arm: {run.seed: run for run in runs} for arm, runs in teams.items()}
+    first, *others = found
+    bases = [first, *(arm for arm in others if arm.split("-")[-1] == "q")]
+    for base, arm in [(base, arm) for base in bases for arm in found if arm not in bases[: bases.index(base) + 1]]:
+        pairs = [
+            within_sets(*({seed: run.greedy(what) for seed, run in found[name].items()} for name in (arm, base)))
+            for what in _GREEDY
+        ]
+        if pairs[0].size:
+            told = [mean_words((one[0] - one[1]).tolist(), least=-np.inf) for one in pairs]
+            rows.append([f"{arm} - {base}", str(pairs[0].shape[1]), told[0], more_often(pairs[0]), *told[1:]])
+    goals, *rest = _GREEDY
+    return {"comparisons": (["arms", "sets", goals, f"probability of more {goals}", *rest], rows)}
 
 
 def scores(teams: Teams) -> Report:
@@ -241,6 +274,8 @@ def team_figures(teams: Teams) -> dict[str, alt.LayerChart]:
 
 def team_report(teams: Teams) -> tuple[Report, Report]:
     """Return the tables that are shown, and those that are only written."""
-    shown = {name: one for part in (by_turn, rise, scores, afterwards) for name, one in part(teams).items()}
+    shown = {
+        name: one for part in (by_turn, rise, scores, afterwards, comparisons) for name, one in part(teams).items()
+    }
     frame = curves(teams, "goals", each_robot=True)
     return {name: one for name, one in shown.items() if one[1]}, {"curves": frame_table(frame)}

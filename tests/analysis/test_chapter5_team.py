@@ -8,13 +8,21 @@ import pytest
 from click.testing import CliRunner
 
 from analysis.chapter5 import report
-from analysis.chapter5_team import afterwards, by_turn, curves, histories, read_teams, rise, scores
+from analysis.chapter5_team import afterwards, by_turn, comparisons, curves, histories, read_teams, rise, scores
 from coevo.errors import InputError
 
 COLUMNS = (
     "turn", "trial", "trials", "robot", "team", "learns", "scored", "goals", "conceded", "passes", "giveaways",
     "kicks", "kicked", "collisions", "collided",
 )  # fmt: skip
+# Of each arm the shares of greedy games, after scored_team0 and goal_r0, which are those of the set.
+GREEDY = {
+    "votes": (0.1, 0.0, 0.0, 0.10, 0.10),
+    "w0": (0.2, 0.0, 0.75, 0.10, 0.20),
+    "a": (0.1, 0.0, 0.0, 0.0, 0.0),
+    "b": (0.3, 0.0, 0.0, 0.0, 0.0),
+    "a-q": (0.15, 0.0, 0.0, 0.0, 0.0),
+}
 
 
 def write(path, header, rows):
@@ -42,12 +50,9 @@ def study(folder, arms):
             name = f"it-{arm}-seed{seed}"
             (folder / name).mkdir()
             write(folder / name / "frequencies.csv", COLUMNS, run_of(turns, teams))
-            table.append(("it", seed, arm, name, 0.4 + 0.2 * seed, 0.1, 0.25, 0.0))
-    write(
-        folder / "table.csv",
-        ("recipe", "seed", "arm", "run", "scored_team0", "scored_team1", "goal_r0", "pass_r0"),
-        table,
-    )
+            table.append(("it", seed, arm, name, 0.4 + 0.2 * seed, 0.25, *GREEDY[arm]))
+    measured = ("scored_team0", "goal_r0", "scored_team1", "pass_r0", "pass_r1", "collision_r0", "collision_r1")
+    write(folder / "table.csv", ("recipe", "seed", "arm", "run", *measured), table)
     return folder
 
 
@@ -124,6 +129,19 @@ def test_greedy_games_are_means_over_sets(two):
     votes, _ = rows_of(afterwards(read_teams(two)), "afterwards")
     assert votes["scored team0"].startswith("0.500")
     assert "pass r0" not in votes  # it is 0 everywhere
+
+
+def test_arms_are_compared_within_the_sets_that_both_have(two):
+    (row,) = rows_of(comparisons(read_teams(two)), "comparisons")
+    assert (row["arms"], row["sets"], row["goals"]) == ("w0 - votes", "1", "0.000")  # there is no other side
+    assert (row["passes"], row["collisions of each robot"]) == ("0.750", "0.050")
+
+
+def test_arms_of_two_sides_are_compared_by_the_difference_of_goals(tmp_path):
+    games = [[("games", {0, 1}, (0, 0, 0), (0, 0, 0))]]
+    teams = read_teams(study(tmp_path, dict.fromkeys(("a", "b", "a-q"), ((0, 0, 1), games))))
+    found = [(row["arms"], row["goals"]) for row in rows_of(comparisons(teams), "comparisons")]
+    assert found == [("b - a", "-0.200"), ("a-q - a", "-0.050"), ("b - a-q", "-0.150")]
 
 
 def test_the_command_writes_tables_and_figures(three, tmp_path):

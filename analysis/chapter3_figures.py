@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.chapter3_sets import KEYS, Method, successes
-from analysis.charts import COLOURS, altair
+from analysis.charts import line_chart
 from coevo.statistics import mean_interval
 
 if TYPE_CHECKING:
     import altair as alt
 
-__all__ = ["contributions", "errors_of_a_trial", "figures", "learning", "line_chart", "periods_of"]
+__all__ = ["contributions", "errors_of_a_trial", "figures", "learning", "periods_of"]
 
 _BLOCKS = 100  # of Fig. 3.10, over all trials in simulation
 _STEPS_PER_S = 30.0
-_SIZE = {"width": 640, "height": 300}
 
 
 def learning(methods: Sequence[Method]) -> pd.DataFrame:
@@ -103,52 +102,6 @@ def periods_of(methods: Sequence[Method]) -> pd.DataFrame:
 def _begin(periods: NDArray[np.str_]) -> pd.DataFrame:
     starts = [0, *(np.flatnonzero(periods[1:] != periods[:-1]) + 1).tolist()] if len(periods) else []
     return pd.DataFrame({"trial": starts, "period": [f"period {periods[start]}" for start in starts]})
-
-
-def line_chart(
-    table: pd.DataFrame, *, x: str, y: str, by: str, titles: tuple[str, str, str], marks: pd.DataFrame | None = None
-) -> alt.LayerChart:
-    """Return a chart of lines, broken where there is no number, with bands if the table has ``low`` and ``high``.
-
-    Args:
-        table: tidy. x, y, by: its columns; a line each value of ``by``.
-        titles: of the chart, of the x axis and of the y axis.
-        marks: places on the x axis where something begins, in a column of its name, and what it is in the next. Where a
-            column ``kind`` says ``axis``, lines are coloured, and words a line lower.
-
-    Raises:
-        InputError: altair is not installed.
-    """
-    vega = altair()
-    title, x_title, y_title = titles
-    names = list(dict.fromkeys(table[by]))
-    colours = [COLOURS[number % len(COLOURS)] for number in range(len(names))]
-    legend = vega.Legend(title=None, symbolType="stroke", symbolSize=300, symbolOpacity=1, labelLimit=300)
-    colour = vega.Color(f"{by}:N", scale=vega.Scale(domain=names, range=colours), legend=legend, sort=None)
-    whole_numbers = {"tickMinStep": 1, "format": ",d"} if pd.api.types.is_integer_dtype(table[x]) else {}
-    axis = vega.Axis(grid=False, tickCount=8, **whole_numbers)
-    across = vega.X(f"{x}:Q", title=x_title, axis=axis, scale=vega.Scale(nice=False, zero=False))
-
-    def up(column: str) -> Any:
-        return vega.Y(f"{column}:Q", title=y_title)
-
-    layers = []
-    if "low" in table and bool((table["low"] < table["high"]).any()):
-        bands = vega.Chart(table).mark_area(opacity=0.15)
-        layers.append(bands.encode(x=across, y=up("low"), y2="high:Q", color=colour))
-    layers.append(vega.Chart(table).mark_line().encode(x=across, y=up(y), color=colour))
-    if marks is not None and len(marks):
-        place, name = marks.columns[:2]
-        at = vega.X(f"{place}:Q", title=x_title)
-        is_axis = marks["kind"] == "axis" if "kind" in marks else marks[place].isna()
-        for part, rule, word, down in ((~is_axis, "#8c8c8c", "#666666", -2), (is_axis, COLOURS[1], COLOURS[1], 12)):
-            if part.any():
-                base = vega.Chart(marks[part])
-                layers.append(base.mark_rule(color=rule, strokeDash=[4, 3]).encode(x=at))
-                words = base.mark_text(align="left", baseline="bottom", dx=3, dy=down, color=word)
-                layers.append(words.encode(x=at, y=vega.value(0), text=f"{name}:N"))
-    whole = vega.layer(*layers).properties(title=vega.TitleParams(title, offset=18), **_SIZE)
-    return cast("alt.LayerChart", whole)
 
 
 def figures(methods: Sequence[Method]) -> dict[str, alt.LayerChart]:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from analysis.chapter3_figures import line_chart
 from analysis.chapter4_equal import means_of_checks
 from analysis.chapter4_runs import Arms, Learned
+from analysis.charts import line_chart
 
 if TYPE_CHECKING:
     import altair as alt

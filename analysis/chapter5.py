@@ -15,10 +15,9 @@ import click
 import numpy as np
 import pandas as pd
 
-from analysis.chapter3_figures import line_chart
 from analysis.chapter5_runs import CARD, WHILE, Arms, Rewarded, more_often, read_arms, within_sets
 from analysis.chapter5_team import read_teams, team_figures, team_report
-from analysis.charts import altair
+from analysis.charts import altair, line_chart
 from analysis.written import Report, Rows, frame_table, mean_words, report_options, write_report
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from analysis.chapter3_figures import line_chart
 from analysis.chapter5_runs import more_often, read_runs, within_sets
+from analysis.charts import line_chart
 from analysis.written import Report, Rows, frame_table, mean_words
 
 if TYPE_CHECKING:

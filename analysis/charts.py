@@ -10,7 +10,7 @@ import importlib.util
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import pandas as pd
 
@@ -20,11 +20,19 @@ from coevo.files import write_whole
 if TYPE_CHECKING:
     import altair as alt
 
-__all__ = ["COLOURS", "SUFFIXES", "altair", "chart_bytes", "check_out", "save", "spec_of", "theme"]
+__all__ = ["COLOURS", "SUFFIXES", "altair", "chart_bytes", "check_out", "line_chart", "save", "spec_of", "theme"]
 
 # Okabe and Ito's, in an order in which neighbours differ in lightness too; black is left out for dark pages.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c8c8c")
 SUFFIXES = (".svg", ".png", ".html", ".csv")
+_DASHES = ([1, 0], [7, 3], [2, 2])
+_SIZE = {"width": 640, "height": 300}  # of a chart of lines
+_PADDING = {
+    "left": 5,
+    "top": 5,
+    "right": 24,
+    "bottom": 5,
+}  # fonts elsewhere may be wider than those that are measured here
 _SCALE = 2.0  # pixels of a PNG for each of the picture's
 
 
@@ -70,6 +78,60 @@ def spec_of(chart: alt.TopLevelMixin) -> dict[str, Any]:
     spec: dict[str, Any] = chart.to_dict()
     spec.pop("config", None)
     return spec
+
+
+def line_chart(
+    table: pd.DataFrame, *, x: str, y: str, by: str, titles: tuple[str, str, str], marks: pd.DataFrame | None = None
+) -> alt.LayerChart:
+    """Return a chart of lines, broken where there is no number, with bands if the table has ``low`` and ``high``.
+
+    Where there are more lines than colours, the second ones of a colour are dashed, the third ones dotted.
+
+    Args:
+        table: tidy. x, y, by: its columns; a line each value of ``by``.
+        titles: of the chart, of the x axis and of the y axis.
+        marks: places on the x axis where something begins, in a column of its name, and what it is in the next. Where a
+            column ``kind`` says ``axis``, lines are coloured, and words a line lower.
+
+    Raises:
+        InputError: altair is not installed.
+    """
+    vega = altair()
+    title, x_title, y_title = titles
+    names = list(dict.fromkeys(table[by]))
+    colours = [COLOURS[number % len(COLOURS)] for number in range(len(names))]
+    dashes = [_DASHES[number // len(COLOURS) % len(_DASHES)] for number in range(len(names))]
+    legend = vega.Legend(title=None, symbolType="stroke", symbolSize=300, symbolOpacity=1, labelLimit=300)
+    colour = vega.Color(f"{by}:N", scale=vega.Scale(domain=names, range=colours), legend=legend, sort=None)
+    look = {"color": colour}
+    if len(names) > len(COLOURS):
+        look["strokeDash"] = vega.StrokeDash(
+            f"{by}:N", scale=vega.Scale(domain=names, range=dashes), legend=legend, sort=None
+        )
+    whole_numbers = {"tickMinStep": 1, "format": ",d"} if pd.api.types.is_integer_dtype(table[x]) else {}
+    axis = vega.Axis(grid=False, tickCount=8, **whole_numbers)
+    across = vega.X(f"{x}:Q", title=x_title, axis=axis, scale=vega.Scale(nice=False, zero=False))
+
+    def up(column: str) -> Any:
+        return vega.Y(f"{column}:Q", title=y_title)
+
+    layers = []
+    if "low" in table and bool((table["low"] < table["high"]).any()):
+        bands = vega.Chart(table).mark_area(opacity=0.15)
+        layers.append(bands.encode(x=across, y=up("low"), y2="high:Q", color=colour))
+    layers.append(vega.Chart(table).mark_line().encode(x=across, y=up(y), **look))
+    if marks is not None and len(marks):
+        place, name = marks.columns[:2]
+        at = vega.X(f"{place}:Q", title=x_title)
+        is_axis = marks["kind"] == "axis" if "kind" in marks else marks[place].isna()
+        for part, rule, word, down in ((~is_axis, "#8c8c8c", "#666666", -2), (is_axis, COLOURS[1], COLOURS[1], 12)):
+            if part.any():
+                base = vega.Chart(marks[part])
+                layers.append(base.mark_rule(color=rule, strokeDash=[4, 3]).encode(x=at))
+                words = base.mark_text(align="left", baseline="bottom", dx=3, dy=down, color=word)
+                layers.append(words.encode(x=at, y=vega.value(0), text=f"{name}:N"))
+    whole = vega.layer(*layers).properties(title=vega.TitleParams(title, offset=18), padding=_PADDING, **_SIZE)
+    return cast("alt.LayerChart", whole)
 
 
 def check_out(path: Path, suffixes: Sequence[str] = SUFFIXES) -> None:

@@ -14,9 +14,9 @@ from click.testing import CliRunner
 from scipy import stats
 
 from analysis.chapter3 import report
-from analysis.chapter3_figures import contributions, errors_of_a_trial, line_chart, periods_of
+from analysis.chapter3_figures import contributions, errors_of_a_trial, periods_of
 from analysis.chapter3_sets import read_methods
-from analysis.charts import chart_bytes
+from analysis.charts import COLOURS, chart_bytes, line_chart
 
 PASSING = (0.2, 0.4, 0.9)  # of each set, in period E
 GAINS = (("E", 1.0), ("F", 1.5))  # times that
@@ -182,6 +182,18 @@ def test_a_line_is_broken_where_there_is_no_number():
     table = pd.DataFrame({"x": np.arange(9.0), "y": y, "name": "ball"})
     (pieces,) = paths(line_chart(table, x="x", y="y", by="name", titles=("", "", "")))
     assert [len(piece) for piece in pieces] == [2, 2, 2]
+
+
+def test_more_lines_than_colours_can_be_told_apart():
+    names = [f"arm {number}" for number in range(2 * len(COLOURS) + 1)]
+    table = pd.DataFrame([(name, x, x) for name in names for x in (0.0, 1.0)], columns=["name", "x", "y"])
+    root = ET.fromstring(chart_bytes(line_chart(table, x="x", y="y", by="name", titles=("", "", "")), ".svg"))  # noqa: S314 - our own
+    looks = [
+        (e.attrib["stroke"], e.get("stroke-dasharray", ""))
+        for e in root.iter("{http://www.w3.org/2000/svg}path")
+        if e.get("aria-roledescription") == "line mark"
+    ]
+    assert len(looks) == len(set(looks)) == len(names)
 
 
 def test_errors_have_a_gap_where_the_object_was_out_of_view(folder):

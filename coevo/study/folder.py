@@ -244,7 +244,7 @@ class _Writing:
 
 
 def check_folder(path: Path, plan: Plan) -> None:
-    """Refuse a folder that holds something else than this study, or this study with fewer seeds.
+    """Refuse a folder that holds something else than this study, or than a part of its seeds and arms.
 
     Raises:
         InputError: with the remedy.
@@ -258,7 +258,9 @@ def check_folder(path: Path, plan: Plan) -> None:
         raise InputError(f"cannot open {path}: {error.strerror or error}; choose another --out") from None
     there, new = check(StudySettings, read_toml(path / STUDY), str(path / STUDY)), plan.record
     different = [
-        name for name in ("recipes", "set", "vary", "arms", "conditions") if _plain(there, name) != _plain(new, name)
+        name
+        for name in ("recipes", "set", "vary", "arms", "conditions")
+        if _plain(there, name) != _plain(new, name, of=there)
     ]
     if different:
         what = different[0] if different[0] != "conditions" else "settings, which a recipe or a default now gives"
@@ -271,9 +273,13 @@ def check_folder(path: Path, plan: Plan) -> None:
         )
 
 
-def _plain(record: StudySettings, name: str) -> str:
+def _plain(record: StudySettings, name: str, *, of: StudySettings | None = None) -> str:
+    """Return a setting as text that can be compared; of arms and conditions only those that ``of`` has, if given."""
+    value = msgspec.to_builtins(getattr(record, name))
+    if of is not None and name in ("arms", "conditions"):
+        value = {key: one for key, one in value.items() if key in getattr(of, name)}
     # Conditions in their order, which is that of the table; of settings TOML does not keep it.
-    return json.dumps(msgspec.to_builtins(getattr(record, name)), sort_keys=name != "conditions")
+    return json.dumps(value, sort_keys=name != "conditions")
 
 
 def open_study(path: Path, plan: Plan) -> StudyFolder:

@@ -189,6 +189,21 @@ def test_seeds_may_be_added_but_not_left_out(folder, study_file):
         check_folder(folder.path, read_plan(str(study_file()), 1))
 
 
+def test_arms_may_be_added_but_neither_changed_nor_left_out(study_file, tmp_path):
+    few, more, other = (
+        read_plan(
+            str(study_file(vary=f'[arms.a]\n[arms.b]\n"gp.population" = {size}\n{rest}', name=f"{size}{rest[:7]}.toml"))
+        )
+        for size, rest in ((8, ""), (8, '[arms.c]\n"gp.population" = 10'), (6, ""))
+    )
+    open_study(tmp_path / "out", few).close()
+    open_study(tmp_path / "out", more).close()
+    assert "[arms.c]" in (tmp_path / "out" / "study.toml").read_text(encoding="utf-8")
+    for plan in (few, other):
+        with pytest.raises(InputError, match="differs in its arms"):
+            check_folder(tmp_path / "out", plan)
+
+
 def test_a_folder_of_something_else_is_refused(plan, tmp_path, small_run):
     for path in (tmp_path, small_run.path, tmp_path / "mine.toml"):
         with pytest.raises(InputError, match="exists and is not the folder of a study; choose another --out"):

@@ -68,7 +68,7 @@ def comparisons(arms: Arms) -> Report:
         _of_seeds(arms, lambda run: run.while_learning("goals", _EARLY)),
     ]
     for name in arms:
-        for base in [one for one in ("votes", "w0", "q") if one in arms and one != name]:
+        for base in [one for one in ("votes", "w0", "q", "q-mild") if one in arms and one != name]:
             pairs = [within_sets(found[name], found[base]) for found in (success, *others)]
             if (base != "votes" and name == "votes") or not pairs[0].size:
                 continue

@@ -168,13 +168,13 @@ def afterwards(teams: Teams) -> Report:
 def comparisons(teams: Teams) -> Report:
     """Return how arms differ within sets in the greedy games after the last turn.
 
-    Each arm is compared with the first one and with those whose names end in ``q``, today's scalar learner; goals are
+    Each arm is compared with the first one and with those of today's scalar learner, ``q`` in their names; goals are
     those of the first side, less those of the other if there is one.
     """
     rows: Rows = []
     found = {arm: {run.seed: run for run in runs} for arm, runs in teams.items()}
     first, *others = found
-    bases = [first, *(arm for arm in others if arm.split("-")[-1] == "q")]
+    bases = [first, *(arm for arm in others if "q" in arm.split("-"))]
     for base, arm in [(base, arm) for base in bases for arm in found if arm not in bases[: bases.index(base) + 1]]:
         pairs = [
             within_sets(*({seed: run.greedy(what) for seed, run in found[name].items()} for name in (arm, base)))

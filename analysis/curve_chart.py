@@ -121,9 +121,7 @@ def chart(curves: pd.DataFrame, words: Words | None = None) -> alt.VConcatChart:
             domain = _domain(curves[curves["measure"] == measure])
             x_title = "generation" if number * across + place + across >= len(panels) else None
             cells.append(
-                encode.panel(part, axis, x_title, domain).properties(
-                    title=vega.TitleParams(heading, frame="group"), **size
-                )
+                encode.panel(part, axis, x_title, domain).properties(title={"text": heading, "frame": "group"}, **size)
             )
         rows.append(vega.hconcat(*cells, spacing=14))
     heading = {"text": words.title, "subtitle": words.subtitle, "anchor": "start", "fontSize": 15}
@@ -175,8 +173,8 @@ class _Encoding:
         """Return a channel with a value for each word of a column, and a legend if there are several."""
         alt = self._alt
         symbols = {"symbolType": "stroke", "symbolSize": 400, "symbolOpacity": 1}
-        legend = alt.Legend(orient="bottom", title=None, labelLimit=500, columnPadding=24, **symbols)
-        scale = alt.Scale(domain=list(values), range=list(values.values()))
+        legend = {"orient": "bottom", "title": None, "labelLimit": 500, "columnPadding": 24, **symbols}
+        scale = {"domain": list(values), "range": list(values.values())}
         # Ordinal: Vega-Lite warns of widths for what has no order.
         return channel(f"{column}:O", scale=scale, legend=legend if len(values) > 1 else None, sort=list(values))
 
@@ -185,14 +183,14 @@ class _Encoding:
     ) -> Any:
         """Return the lines and bands of one robot and measure."""
         alt = self._alt
-        generations = alt.Axis(tickCount=min(6, self._last), grid=False, format="d")
-        within = alt.Scale(domain=[0, self._last], nice=False)
+        generations = {"tickCount": min(6, self._last), "grid": False, "format": "d"}
+        within = {"domain": [0, self._last], "nice": False}
         x = alt.X("generation:Q", title=x_title, axis=generations, scale=within)
         decimals = max(0, 2 - int(np.floor(np.log10(domain[1] - domain[0]))))
         up = {
             "title": y_title,
-            "scale": alt.Scale(domain=domain, nice=False, zero=False),
-            "axis": alt.Axis(tickCount=4, format=f",.{decimals}~f", minExtent=_AXIS),
+            "scale": {"domain": list(domain), "nice": False, "zero": False},
+            "axis": {"tickCount": 4, "format": f",.{decimals}~f", "minExtent": _AXIS},
         }
         told = [alt.Tooltip(f"{name}:N") for name in ("group", "statistic")]
         told += [alt.Tooltip("generation:Q"), *(alt.Tooltip(f"{n}:Q", format=".4g") for n in ("value", "low", "high"))]

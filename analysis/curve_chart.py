@@ -171,7 +171,6 @@ class _Encoding:
 
     def _channel(self, channel: Any, column: str, values: Mapping[str, Any]) -> Any:
         """Return a channel with a value for each word of a column, and a legend if there are several."""
-        alt = self._alt
         symbols = {"symbolType": "stroke", "symbolSize": 400, "symbolOpacity": 1}
         legend = {"orient": "bottom", "title": None, "labelLimit": 500, "columnPadding": 24, **symbols}
         scale = {"domain": list(values), "range": list(values.values())}

@@ -44,6 +44,7 @@ _EVENTS = {
     "trials with collisions": "collided",
     "trials with kicks": "kicked",
 }
+_RISING = ("goals", "passes", "trials with collisions")
 _GREEDY = ("goals", "passes", "collisions of each robot")
 
 
@@ -79,9 +80,13 @@ class TeamRun:
         return self.blocks[(self.blocks["turn"] == turn) & (self.blocks["robot"] == robot)]
 
     def share(self, what: str, *, turn: str, robots: Sequence[str]) -> float:
-        """Return how often something of ``_EVENTS`` happened per trial of a turn, summed over robots."""
+        """Return how often something of ``_EVENTS`` happened per trial of a turn.
+
+        Summed over robots; of the trials with an event the mean over them, as one trial may be that of several.
+        """
         parts = [self.of(turn=turn, robot=robot) for robot in robots]
-        return float(sum(part[_EVENTS[what]].sum() / part["trials"].sum() for part in parts))
+        shares = [float(part[_EVENTS[what]].sum() / part["trials"].sum()) for part in parts]
+        return sum(shares) / (len(shares) if what.startswith("trials with") else 1)
 
     def greedy(self, what: str) -> float:
         """Return one of _GREEDY, per greedy game after the last turn, of the first side."""
@@ -120,15 +125,20 @@ def read_teams(folder: Path) -> Teams:
 
 
 def by_turn(teams: Teams) -> Report:
-    """Return what each robot did per trial of each turn, means over sets."""
+    """Return what each robot and each side did per trial of each turn, means over sets."""
     rows: Rows = []
+    events = [
+        what for what, of in _EVENTS.items() if any(run.blocks[of].any() for runs in teams.values() for run in runs)
+    ]
     for arm, runs in teams.items():
+        robots = [[robot] for robot in dict.fromkeys(runs[0].blocks["robot"])]
+        robots += [names.split() for names in runs[0].sides.values() if " " in names]
         for turn in runs[0].turns:
-            for robot in dict.fromkeys(runs[0].blocks["robot"]):
-                learns = bool(runs[0].of(turn=turn, robot=robot)["learns"].any())
-                told = [mean_words([run.share(what, turn=turn, robots=[robot]) for run in runs]) for what in _EVENTS]
-                rows.append([arm, turn, robot, "learns" if learns else "", str(len(runs)), *told])
-    return {"turns": (["arm", "turn", "robot", "", "sets", *_EVENTS], rows)}
+            for who in robots:
+                learns = all(bool(runs[0].of(turn=turn, robot=robot)["learns"].any()) for robot in who)
+                told = [mean_words([run.share(what, turn=turn, robots=who) for run in runs]) for what in events]
+                rows.append([arm, turn, " ".join(who), "learns" if learns else "", str(len(runs)), *told])
+    return {"turns": (["arm", "turn", "robot", "", "sets", *events], rows)}
 
 
 def rise(teams: Teams) -> Report:
@@ -140,13 +150,13 @@ def rise(teams: Teams) -> Report:
             continue
         robots = runs[0].sides[0].split()
         told = []
-        for what in ("goals", "passes", "trials with collisions"):
+        for what in _RISING:
             more = [
                 run.share(what, turn=last, robots=robots) - run.share(what, turn=first, robots=robots) for run in runs
             ]
             told.append(mean_words(more, least=-np.inf))
         rows.append([arm, f"{first} to {last}", str(len(runs)), *told])
-    return {"rise": (["arm", "turns", "sets", "goals", "passes", "collisions of each robot"], rows)}
+    return {"rise": (["arm", "turns", "sets", *_RISING], rows)}
 
 
 def afterwards(teams: Teams) -> Report:

@@ -142,7 +142,7 @@ class _PartCompiler(Compiler):  # type: ignore[misc]  # numba carries no types
     """numba's compiler, which puts its result into a ``_PartLibrary``."""
 
     def define_pipelines(self) -> Any:
-        self.state.library = _PartLibrary(self.state.targetctx.codegen(), "part")
+        self.state["library"] = _PartLibrary(self.state.targetctx.codegen(), "part")
         return super().define_pipelines()
 
 

@@ -182,16 +182,17 @@ def comparisons(teams: Teams) -> Report:
     those of the first side, less those of the other if there is one.
     """
     rows: Rows = []
-    found = {arm: {run.seed: run for run in runs} for arm, runs in teams.items()}
-    first, *others = found
+    found = {
+        what: {arm: {run.seed: run.greedy(what) for run in runs} for arm, runs in teams.items()} for what in _GREEDY
+    }
+    first, *others = teams
     bases = [first, *(arm for arm in others if "q" in arm.split("-"))]
-    for base, arm in [(base, arm) for base in bases for arm in found if arm not in bases[: bases.index(base) + 1]]:
-        pairs = [
-            within_sets(*({seed: run.greedy(what) for seed, run in found[name].items()} for name in (arm, base)))
-            for what in _GREEDY
-        ]
-        if pairs[0].size:
-            told = [mean_words((one[0] - one[1]).tolist(), least=-np.inf) for one in pairs]
+    for number, base in enumerate(bases):
+        for arm in teams:
+            pairs = [within_sets(of[arm], of[base]) for of in found.values()]
+            if arm in bases[: number + 1] or not pairs[0].size:
+                continue
+            told = [mean_words((one - other).tolist(), least=-np.inf) for one, other in pairs]
             rows.append([f"{arm} - {base}", str(pairs[0].shape[1]), told[0], more_often(pairs[0]), *told[1:]])
     goals, *rest = _GREEDY
     return {"comparisons": (["arms", "sets", goals, f"probability of more {goals}", *rest], rows)}

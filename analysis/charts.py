@@ -27,12 +27,8 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8
 SUFFIXES = (".svg", ".png", ".html", ".csv")
 _DASHES = ([1, 0], [7, 3], [2, 2])
 _SIZE = {"width": 640, "height": 300}  # of a chart of lines
-_PADDING = {
-    "left": 5,
-    "top": 5,
-    "right": 24,
-    "bottom": 5,
-}  # fonts elsewhere may be wider than those that are measured here
+# Right of the legend: fonts elsewhere may be wider than those that are measured here.
+_PADDING = {"left": 5, "top": 5, "right": 24, "bottom": 5}
 _SCALE = 2.0  # pixels of a PNG for each of the picture's
 
 

@@ -8,7 +8,6 @@ import shutil
 from xml.etree import ElementTree as ET
 
 import numpy as np
-import pandas as pd
 import pytest
 from click.testing import CliRunner
 from scipy import stats
@@ -16,7 +15,6 @@ from scipy import stats
 from analysis.chapter3 import report
 from analysis.chapter3_figures import contributions, errors_of_a_trial, periods_of
 from analysis.chapter3_sets import read_methods
-from analysis.charts import COLOURS, chart_bytes, line_chart
 
 PASSING = (0.2, 0.4, 0.9)  # of each set, in period E
 GAINS = (("E", 1.0), ("F", 1.5))  # times that
@@ -150,50 +148,6 @@ def test_the_last_tenth_of_a_period_says_where_learning_has_come_to(folder):
 def test_only_whole_sets_are_read(folder):
     (folder / "schedule" / ".set-09.partial").mkdir()
     assert len(read_methods(folder)[0].summaries) == len(PASSING)
-
-
-def paths(chart):
-    """Return the corners of each line of a chart, (points, 2) in pixels, a list for each unbroken piece."""
-    root = ET.fromstring(chart_bytes(chart, ".svg"))  # noqa: S314 - our own
-    lines = [
-        e.attrib["d"]
-        for e in root.iter("{http://www.w3.org/2000/svg}path")
-        if e.get("aria-roledescription") == "line mark"
-    ]
-    return [
-        [np.array(piece.replace("L", ",").split(","), float).reshape(-1, 2) for piece in d.split("M")[1:]]
-        for d in lines
-    ]
-
-
-def test_a_chart_puts_points_where_their_values_are():
-    table = pd.DataFrame({"x": [0.0, 5.0, 10.0], "y": [0.0, 1.0, 0.5], "name": "a < b"})
-    marks = pd.DataFrame({"x": [5.0], "what": ["half"]})
-    chart = line_chart(table, x="x", y="y", by="name", titles=("t", "x", "y"), marks=marks)
-    ((points,),) = paths(chart)
-    assert points[1, 0] == pytest.approx(0.5 * (points[0, 0] + points[2, 0]), abs=0.1)
-    assert points[2, 1] == pytest.approx(0.5 * (points[0, 1] + points[1, 1]), abs=0.1)
-    assert points[1, 1] < points[0, 1]  # y points down in SVG
-    assert b"half" in chart_bytes(chart, ".svg")
-
-
-def test_a_line_is_broken_where_there_is_no_number():
-    y = [1.0, 2.0, np.nan, 4.0, 5.0, np.nan, np.nan, 3.0, 1.0]
-    table = pd.DataFrame({"x": np.arange(9.0), "y": y, "name": "ball"})
-    (pieces,) = paths(line_chart(table, x="x", y="y", by="name", titles=("", "", "")))
-    assert [len(piece) for piece in pieces] == [2, 2, 2]
-
-
-def test_more_lines_than_colours_can_be_told_apart():
-    names = [f"arm {number}" for number in range(2 * len(COLOURS) + 1)]
-    table = pd.DataFrame([(name, x, x) for name in names for x in (0.0, 1.0)], columns=["name", "x", "y"])
-    root = ET.fromstring(chart_bytes(line_chart(table, x="x", y="y", by="name", titles=("", "", "")), ".svg"))  # noqa: S314 - our own
-    looks = [
-        (e.attrib["stroke"], e.get("stroke-dasharray", ""))
-        for e in root.iter("{http://www.w3.org/2000/svg}path")
-        if e.get("aria-roledescription") == "line mark"
-    ]
-    assert len(looks) == len(set(looks)) == len(names)
 
 
 def test_errors_have_a_gap_where_the_object_was_out_of_view(folder):

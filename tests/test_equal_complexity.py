@@ -52,7 +52,7 @@ def test_each_robot_starts_as_its_counterpart_and_is_as_strong(settings):
 
 @pytest.mark.parametrize(
     ("side", "steps"),
-    [((SEEKER, "pass"), 30), (("search", "shoot"), 60), (("IF_ball_is_left(shoot, pass)", "search"), 100)],
+    [((SEEKER, "pass"), 25), (("search", "shoot"), 45), (("IF_ball_is_left(shoot, pass)", "search"), 100)],
 )
 def test_a_game_that_begins_mirrored_goes_on_mirrored(side, steps):
     """As long as no rounding is decisive, such as which of two robots touches the ball first."""

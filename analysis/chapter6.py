@@ -272,7 +272,7 @@ def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> Non
     """Make the tables and figures of chapter 6 from the study in FOLDER, which may be under way.
 
     \b
-    Example: coevo reproduce chapter6 runs/study
+    Example: coevo reproduce chapter6 runs/chapter6-study
     """
     del quiet  # it shows no progress
     altair()

@@ -73,9 +73,9 @@ class Settled:
         return float((self.patterns == PATTERNS.index(pattern)).mean())
 
     def ratio(self) -> float:
-        """Return the share of "pass and shoot" among these and interceptions; NaN if there are none of either."""
+        """Return the share of "pass and shoot" among these and interceptions; NaN if none is, or nobody else plays."""
         passed, taken = self.share("pass and shoot"), self.share("interception")
-        return passed / (passed + taken) if passed + taken else float("nan")
+        return passed / (passed + taken) if self.others and passed + taken else float("nan")
 
     @property
     def most(self) -> str:

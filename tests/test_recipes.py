@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 
+import msgspec
 import pytest
 
 from behaviors.recipe import Recipe, installed_recipes
@@ -60,6 +61,25 @@ def test_a_path_means_the_file_and_a_name_never_does(tmp_path, monkeypatch):
     assert read_settings(RunSettings, "smoke.toml").fitness.kind == "varying"
     assert read_settings(RunSettings, "smoke").fitness.kind == "fixed"
     assert read_settings(RunSettings, "smoke.toml", ["fitness.kind=fixed"]).fitness.kind == "fixed"
+
+
+def test_the_environment_that_co_evolves_is_the_preset_but_for_its_levels():
+    """So the preset is the control of chapter6/levelling."""
+    preset = read_settings(RunSettings, "three-learners")
+    other = read_settings(RunSettings, "chapter6/co-evolving-environment")
+    assert other.levels is not None
+    assert msgspec.structs.replace(other, name=preset.name, levels=None) == preset
+
+
+def test_the_presets_breed_by_the_same_steps_but_for_where_they_are():
+    presets = [read_settings(RunSettings, name) for name in ("two-learners", "stationary-opponent", "three-learners")]
+    presets.append(read_settings(RunSettings, "chapter6/equal-complexity"))
+    walked = [one.gp.walked_changes for one in presets]
+    assert walked == [0.0, 0.5, 0.5, 0.5]  # docs/decisions/0016-small-steps.md
+    gp, evaluation = presets[0].gp, presets[0].evaluation
+    assert all(msgspec.structs.replace(one.gp, walked_changes=0.0) == gp for one in presets)
+    assert all(one.evaluation == evaluation for one in presets)
+    assert (gp.population, gp.generations, evaluation.games) == (80, 60, 20)  # Table 6.3
 
 
 def test_an_unknown_name_is_answered_with_the_nearest_of_its_kind():

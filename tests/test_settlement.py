@@ -67,6 +67,12 @@ def test_shares_ratio_and_the_most_frequent_of_the_decided():
     assert np.isnan([none.ratio(), settlement_columns(none)["take_over"]]).all()
 
 
+def test_there_is_no_ratio_where_nobody_could_intercept():
+    patterns = np.zeros(10, np.int64)  # all by pass and shoot
+    assert np.isnan(Settled("run", ("r0", "r1"), (), patterns, None).ratio())
+    assert Settled("run", ("r0", "r1"), ("r2",), patterns, None).ratio() == 1.0
+
+
 def goals_table(first, second, other):
     rows = [
         (g, robot, goals[g])

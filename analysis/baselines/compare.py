@@ -27,6 +27,7 @@ from analysis.tournament import same_game
 from coevo.contest import LineUp, champions, evolving_teams
 from coevo.errors import InputError
 from coevo.evolution.evaluation import Evaluator
+from coevo.evolution.grouping import games_of_run
 from coevo.run import Run
 from coevo.statistics import bootstrap_interval
 from coevo.tree import parse
@@ -54,10 +55,12 @@ class _Entrant:
 
 
 def equal_games(run: Run, other: Run) -> bool:
-    """Return whether two runs played equally many games of evolution."""
+    """Return whether two runs play equally many games: of evolution, with those of guests, and to choose champions."""
 
-    def games(of: Run) -> int:
-        return of.config.gp.generations * of.config.gp.population * of.config.evaluation.games
+    def games(of: Run) -> tuple[int, int]:
+        evaluation = of.config.evaluation
+        of_evolution = games_of_run(of.config, of.game.roles, of.config.gp.generations)
+        return of_evolution, evaluation.champion_blocks * evaluation.games
 
     return games(run) == games(other)
 

@@ -216,7 +216,7 @@ def placement_search(
     """Print the placements and time limits of RECIPE where passing makes both robots fittest.
 
     \b
-    Example: coevo reproduce placement-search two-learners --candidates 200
+    Example: coevo reproduce placement-search chapter6/dissertation-two-learners --candidates 200
     """
 
     def report(done: int) -> None:

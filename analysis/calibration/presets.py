@@ -255,16 +255,23 @@ def _read_teams(path: Path, games: Mapping[str, Game]) -> dict[str, Any]:
             raise InputError(f"{path} has no teams of {name}; it has those of {', '.join(data) or 'none'}")
         try:
             for one in data[name]["rounds"]:
-                for part in ("before", "after", "met"):
-                    team_of(game, one[part])
+                _check_team(game, one, [one[part] for part in ("before", "after", "met")])
             for side in data[name]["sides"]:
-                for texts in (side["single"], side["small"], *side["met"]):
-                    team_of(game, texts)
+                passing = [side[part] for part in ("passing", "silent")] if "passing" in side else []
+                _check_team(game, side, [side["single"], side["small"], *passing, *side["met"]])
+            data[name]["rounds"][0]
         except (KeyError, TypeError, AttributeError, IndexError) as error:
             raise InputError(
                 f"{path}: {name}: expected what 'coevo reproduce presets --teams' writes ({error!r})"
             ) from None
     return data
+
+
+def _check_team(game: Game, of: Mapping[str, Any], texts: Sequence[Mapping[str, str]]) -> None:
+    if of["team"] not in evolving_teams(game):
+        raise IndexError(f"no team {of['team']} that evolves")
+    for one in texts:
+        team_of(game, one)
 
 
 def _write_teams(path: Path, found: Mapping[str, Any]) -> None:

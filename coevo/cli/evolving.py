@@ -54,10 +54,11 @@ def evolve(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Co-evolve: RECIPE is the name of a preset or a TOML file.
+    """Co-evolve: RECIPE is the name of a preset, of another recipe that comes along, or a TOML file.
 
     \b
     Presets: two-learners, stationary-opponent, three-learners, smoke.
+    Others: chapter6/equal-complexity, chapter6/dissertation-three-learners, ... (README).
     Example: coevo evolve three-learners --seed 3 --set fitness.kind=varying
     """
     changes = list(assignments)

@@ -33,7 +33,7 @@ _WRITE_EVERY_S = 5.0  # the table of a study under way
     type=Count(most_workers()),
     default=cores(),
     show_default=True,
-    help="How many runs at a time.",
+    help="How many runs at a time; a cluster that is running has its own.",
 )
 @click.option(
     "--scheduler",

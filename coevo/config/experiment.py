@@ -63,8 +63,8 @@ class GameSettings(Settings, frozen=True, kw_only=True):
 class CategorySettings(Settings, frozen=True, kw_only=True):
     """Limits of the image categories of Table 6.1.
 
-    The limits of area are about terciles over the visible samples of random play in the presets, which
-    'coevo reproduce categories' measures.
+    The limits of area are about terciles over the visible samples of random play in the dissertation's conditions,
+    which 'coevo reproduce categories' measures.
     """
 
     left_below_px: Positive = 64.0 / 3.0  # [C] thirds of the image

@@ -76,17 +76,27 @@ def _unseen(of: Finished) -> dict[str, Cell]:
     return found
 
 
+def _use_of(of: Finished, robot: str) -> dict[str, float]:
+    champion, terminals = of.champion(robot), of.run.game.function_set(of.run.number_of(robot)).terminals
+    decisions = sum(int(champion[CHOSE + name]) for name in terminals)
+    return {name: int(champion[CHOSE + name]) / max(decisions, 1) for name in terminals}
+
+
 def _use(of: Finished) -> dict[str, Cell]:
     found: dict[str, Cell] = {}
     for one in of.judged:
         shares: dict[str, list[float]] = {}
         for robot in one.robots:
-            champion, terminals = of.champion(robot), of.run.game.function_set(of.run.number_of(robot)).terminals
-            decisions = sum(int(champion[CHOSE + name]) for name in terminals)
-            for name in terminals:
-                shares.setdefault(name, []).append(int(champion[CHOSE + name]) / max(decisions, 1))
+            for name, share in _use_of(of, robot).items():
+                shares.setdefault(name, []).append(share)
         found |= {f"team{one.team}_use_{name}": float(np.mean(values)) for name, values in shares.items()}
     return found
+
+
+def _use_of_each(of: Finished) -> dict[str, Cell]:
+    return {
+        f"{robot}_use_{name}": share for robot in of.run.evolving.values() for name, share in _use_of(of, robot).items()
+    }
 
 
 def _settled(of: Finished) -> dict[str, Cell]:
@@ -107,6 +117,7 @@ _MEASURES: dict[str, Callable[[Finished], dict[str, Cell]]] = {
     "robots": _robots,  # best fitness; what the champion of each robot was judged again at, its depth and nodes
     "unseen": _unseen,  # of each team that evolves, share of unseen games won by its last, first, and single skills
     "use": _use,  # of each such team, share of the decisions for each skill, mean over its champions
+    "use of each": _use_of_each,  # the same of each robot's champion alone
     "settled": _settled,  # share of games between the last champions by pattern, and since when another side is ahead
 }
 

@@ -50,6 +50,7 @@ def test_a_row_says_what_coevo_evolve_says_of_that_run(done, coevo, tmp_path, re
         for skill in run.game.function_set(0).terminals:
             use = [one[f"chose_{skill}"] / one.filter(like="chose_").sum() for one in best]
             assert row[f"team{team}_use_{skill}"] == pytest.approx(sum(use) / len(use))
+            assert [row[f"{robot}_use_{skill}"] for robot in robots] == pytest.approx(use)
 
 
 def test_a_table_that_was_altered_is_told_by_a_check_and_made_anew(done, coevo, study_file):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -93,3 +94,46 @@ def test_ctrl_c_leaves_all_that_is_done_and_the_same_command_goes_on(options, st
     process = study("again", "--out", tmp_path / "out")
     assert process.wait(timeout=900) == 0
     assert (tmp_path / "out" / "table.csv").read_bytes() == undisturbed
+
+
+@pytest.fixture
+def dask(tmp_path):
+    """Return a function that begins a process of Dask's own; ``dask("worker", "--nthreads", 1)``."""
+    file, begun = tmp_path / "scheduler.json", []
+
+    def begin(what, *options):
+        words = [sys.executable, "-m", "distributed.cli.dask_" + what, "--scheduler-file", file, *options]
+        with (tmp_path / f"{what}-{len(begun)}.log").open("w") as log:
+            process = subprocess.Popen(  # noqa: S603 - Dask's program
+                [*map(str, words)], stdout=log, stderr=log, start_new_session=True, cwd=tmp_path
+            )
+        begun.append(process)
+        return process
+
+    yield begin
+    for process in begun:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def test_a_cluster_that_is_running_does_a_study_though_a_worker_is_lost_and_another_joins(
+    study, dask, undisturbed, tmp_path
+):
+    dask("scheduler", "--host", "127.0.0.1", "--port", 0, "--no-dashboard")
+    until = time.monotonic() + 120
+    while not (tmp_path / "scheduler.json").exists():
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    address = json.loads((tmp_path / "scheduler.json").read_text())["address"]
+    process = study("out", "--scheduler", address)
+    first = dask("worker", "--nthreads", 1, "--no-nanny", "--no-dashboard")
+    wait_for_generation(tmp_path / "out", process)
+    first.kill()
+    first.wait()
+    dask("worker", "--nthreads", 1, "--no-nanny", "--no-dashboard")
+    code = process.wait(timeout=900)
+    said = (tmp_path / "out.log").read_text()
+    assert code == 0, said
+    assert (tmp_path / "out" / "table.csv").read_bytes() == undisturbed
+    assert not (tmp_path / "out" / "failed.csv").exists()

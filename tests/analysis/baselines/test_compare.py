@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from analysis.baselines import hand_typed_of, over_runs, read_hand_typed, shipped_hand_typed, table
-from analysis.baselines.compare import KINDS
+from analysis.baselines.compare import KINDS, equal_games
 from coevo.config import to_toml
 from coevo.contest import champions, line_up, single_skills
 from coevo.errors import InputError
@@ -19,6 +19,7 @@ from coevo.evolution.evaluation import Evaluator
 from coevo.run import create_run, open_run
 from coevo.seeds import RunStream, game_seeds
 from coevo.statistics import paired_difference
+from coevo.tree import parse
 
 HAND = """
 [[teams]]
@@ -101,6 +102,31 @@ def test_what_was_found_is_kept_and_workers_change_nothing(found, runs, tmp_path
     pd.testing.assert_frame_equal(again.drop(columns="run"), found.drop(columns="run"))
     for path in (run.path / "results").iterdir():
         assert path.read_bytes() == (fresh.path / "results" / path.name).read_bytes()
+
+
+def test_equal_games_are_those_of_evolution_with_guests_and_of_choosing_champions(small_settings, tmp_path):
+    changes = {
+        "same": ["seed=9", "gp.variation=random"],
+        "more": ["evaluation.games=4"],
+        "guests": ["evaluation.grouping=best"],
+        "chosen": ["evaluation.champion_games=40"],
+    }
+    run = create_run(tmp_path / "run", small_settings())
+    others = {name: create_run(tmp_path / name, small_settings(*of)) for name, of in changes.items()}
+    assert {name: equal_games(run, other) for name, other in others.items()} == {
+        "same": True,
+        "more": False,
+        "guests": False,
+        "chosen": False,
+    }
+
+
+def test_trees_of_depth_two_are_searched_too(runs):
+    run, _ = runs
+    with Evaluator(run.config, workers=2, backend="threads") as evaluator:
+        rows = table(run, evaluator, games=10, search_games=300, depth=2, team=1).set_index("kind")
+    found = parse(rows.loc["small trees", "trees"].removeprefix("r2: "), run.game.function_set(2))
+    assert found.depth <= 2
 
 
 def test_over_runs_a_run_counts_once_whatever_its_games():

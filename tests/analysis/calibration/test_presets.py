@@ -155,13 +155,19 @@ def test_the_command_writes_teams_that_are_measured_again(coevo, tmp_path):
         (["smoke", "--again", "EMPTY"], "has no teams of smoke; it has those of none"),
         (["smoke", "--again", "WRONG"], "expected what 'coevo reproduce presets --teams' writes"),
         (["smoke", "--again", "SHOUT"], "unknown name 'shout'"),
+        (["smoke", "--again", "NO_ROUND"], "expected what 'coevo reproduce presets --teams' writes"),
+        (["smoke", "--again", "NO_TEAM"], "expected what 'coevo reproduce presets --teams' writes (KeyError('team'))"),
+        (["smoke", "--again", "TEAM_3"], "(IndexError('no team 3 that evolves'))"),
     ],
 )
 def test_wrong_input_is_told(arguments, message, coevo, tmp_path):
     files = {
         "EMPTY": "",
         "WRONG": "[smoke]\nrounds = [3]",
-        "SHOUT": '[smoke]\nrounds = [{ before = { r2 = "shout" }, after = {}, met = {} }]\nsides = []',
+        "SHOUT": '[smoke]\nrounds = [{ team = 1, before = { r2 = "shout" }, after = {}, met = {} }]\nsides = []',
+        "NO_ROUND": "[smoke]\nrounds = []\nsides = []",
+        "NO_TEAM": "[smoke]\nrounds = []\nsides = [{ single = {}, small = {}, met = [] }]",
+        "TEAM_3": "[smoke]\nrounds = [{ team = 3, before = {}, after = {}, met = {} }]\nsides = []",
     }
     for name, text in files.items():
         (tmp_path / name).write_text(text, encoding="utf-8")

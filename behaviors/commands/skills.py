@@ -84,6 +84,10 @@ def skills(context: click.Context, *, as_json: bool, quiet: bool) -> None:
     ]
     click.echo(table(header, rows) if rows else "No skills are installed; learn one with 'coevo learn shoot'.")
     click.echo("search starts with the ball out of view; avoid counts 10 s without collision against a random mover")
+    click.echo(
+        "defend, pass-in-view and shoot-in-view stand while they do not see the ball, and are for trees that ask first"
+    )
+    click.echo("collisions are those that end a trial: there are none in defend, where the attacker may be touched")
 
 
 @skills.command()

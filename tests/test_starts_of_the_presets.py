@@ -22,7 +22,7 @@ def distances(one, other):
     """Return the least and the largest distance between points of two rectangles that do not overlap in x, in m."""
     corners = [list(itertools.product(of.x_m, of.y_m)) for of in (one, other)]
     most = max(math.dist(a, b) for a, b in itertools.product(*corners))
-    gaps = [max(0.0, max(b[0] - a[1], a[0] - b[1])) for a, b in ((one.x_m, other.x_m), (one.y_m, other.y_m))]
+    gaps = [max(0.0, b[0] - a[1], a[0] - b[1]) for a, b in ((one.x_m, other.x_m), (one.y_m, other.y_m))]
     return math.hypot(*gaps), most
 
 

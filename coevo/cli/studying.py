@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -29,6 +30,12 @@ _WRITE_EVERY_S = 5.0  # the table of a study under way
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the study; by default runs/NAME of the file.")
 @click.option("--seeds", type=click.IntRange(min=1), help="Replaces the study's seeds: how many, from 0 on.")
 @click.option(
+    "--only",
+    multiple=True,
+    metavar="PATTERN",
+    help="Do only runs whose names match, such as '*-seed0', and leave the others for later; may be repeated.",
+)
+@click.option(
     "--workers",
     type=Count(most_workers()),
     default=cores(),
@@ -46,6 +53,7 @@ def study(
     sources: tuple[str, ...],
     out: Path | None,
     seeds: int | None,
+    only: tuple[str, ...],
     workers: int,
     scheduler: str | None,
     as_json: bool,
@@ -61,6 +69,7 @@ def study(
     Example: coevo study chapter6/tiny --out runs/tiny
              coevo study mine.toml --seeds 20 --scheduler tcp://10.0.0.1:8786
              coevo study chapter4/shoot-study chapter4/avoid-study chapter4/defender-study
+             coevo study chapter6/presets --only '*-genetic-*'
     """
     from coevo.study.plan import read_plan, study_name
 
@@ -72,7 +81,8 @@ def study(
         if len(sources) > 1:
             note(f"\n{source}", quiet=quiet)
         path = out if out is not None else Path("runs") / study_name(source)
-        told.append(_do(plan or read_plan(source, seeds), path, workers, scheduler, as_json=as_json, quiet=quiet))
+        read = plan or read_plan(source, seeds)
+        told.append(_do(read, path, _chosen(read, only), workers, scheduler, as_json=as_json, quiet=quiet))
     if as_json:
         emit(told[0] if len(told) == 1 else {"studies": told})
     if any(one["failed"] for one in told):
@@ -92,8 +102,32 @@ def _plan(source: str, seeds: int | None, *, is_first: bool, quiet: bool) -> Pla
         return None
 
 
-def _do(plan: Plan, path: Path, workers: int, scheduler: str | None, *, as_json: bool, quiet: bool) -> dict[str, Any]:
-    """Do a study to its end, show what it came to, and return that as plain data."""
+def _chosen(plan: Plan, patterns: Sequence[str]) -> frozenset[str]:
+    """Return the names of the runs that match a pattern; of all, if there is none.
+
+    Raises:
+        InputError: a pattern matches no run.
+    """
+    names = [run.name for run in plan.runs]
+    if not patterns:
+        return frozenset(names)
+    for pattern in patterns:
+        if not fnmatch.filter(names, pattern):
+            raise InputError(f"--only {pattern}: no run is called so; the first are {', '.join(names[:3])}")
+    return frozenset(name for pattern in patterns for name in fnmatch.filter(names, pattern))
+
+
+def _do(
+    plan: Plan,
+    path: Path,
+    chosen: frozenset[str],
+    workers: int,
+    scheduler: str | None,
+    *,
+    as_json: bool,
+    quiet: bool,
+) -> dict[str, Any]:
+    """Do the chosen runs of a study, show what it came to, and return that as plain data."""
     from coevo.study import cluster
     from coevo.study.cores import on_cores
     from coevo.study.folder import check_folder, open_study
@@ -110,7 +144,7 @@ def _do(plan: Plan, path: Path, workers: int, scheduler: str | None, *, as_json:
         stack.callback(folder.close)
         found = {run.name: folder.row(run) for run in plan.runs}
         rows: dict[str, Mapping[str, Cell]] = {name: row for name, row in found.items() if row is not None}
-        waiting = [run for run in plan.runs if run.name not in rows]
+        waiting = [run for run in plan.runs if run.name not in rows and run.name in chosen]
         skipped = len(rows)
         note(f"{len(waiting)} runs to do, {skipped} are done: {path}", quiet=quiet)
         failed: dict[str, str] = {}
@@ -122,7 +156,7 @@ def _do(plan: Plan, path: Path, workers: int, scheduler: str | None, *, as_json:
             tasks = [task_of(folder, run) for run in waiting]
             ended = on_cores(tasks, workers) if client is None else cluster.on_cluster(client, tasks)
             try:
-                failed = _collect(folder, rows, ended, quiet=quiet)
+                failed = _collect(folder, rows, len(waiting), ended, quiet=quiet)
             except KeyboardInterrupt:
                 folder.leave()
                 note(f"Stopped; {len(rows)} of {len(plan.runs)} runs are done, and what others have done is saved.")
@@ -142,11 +176,11 @@ def _prepare(runs: Sequence[PlannedRun], *, quiet: bool) -> None:
 
 
 def _collect(
-    folder: StudyFolder, rows: dict[str, Mapping[str, Cell]], ended: Iterator[Done], *, quiet: bool
+    folder: StudyFolder, rows: dict[str, Mapping[str, Cell]], waiting: int, ended: Iterator[Done], *, quiet: bool
 ) -> dict[str, str]:
     """Add the rows of runs as they end, and write the tables now and then; return why runs failed, by their names."""
     failed: dict[str, str] = {}
-    total, before = len(folder.plan.runs), len(rows)
+    total, before = len(rows) + waiting, len(rows)
     began = written = time.monotonic()
     try:
         with Progress(total, done=before, quiet=quiet) as progress:

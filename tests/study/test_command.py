@@ -256,3 +256,21 @@ def test_several_studies_are_done_in_turn_and_a_later_one_may_need_an_earlier_on
     again = coevo("study", *both, "--json")
     assert [one["skipped"] for one in json.loads(again.out)["studies"]] == [1, 1]
     assert "read again" not in again.err
+
+
+def test_only_the_runs_that_match_are_done_and_the_rest_come_to_the_same_table(finished, coevo, study_file, tmp_path):
+    out = tmp_path / "part"
+    said = coevo("study", study_file(), "--out", out, "--only", "*-varying-seed1", "--only", "*-varying-seed0")
+    assert (said.code, "2 runs to do, 0 are done" in said.err) == (0, True)
+    assert pd.read_csv(out / "table.csv")["run"].tolist() == ["smoke-varying-seed0", "smoke-varying-seed1"]
+    assert not list(out.glob("smoke-fixed-*"))
+    said = coevo("study", study_file(), "--out", out)
+    assert (said.code, "2 runs to do, 2 are done" in said.err) == (0, True)
+    assert (out / "table.csv").read_bytes() == (finished / "table.csv").read_bytes()
+
+
+def test_a_pattern_that_matches_nothing_is_told_and_nothing_is_made(coevo, study_file, tmp_path):
+    said = coevo("study", study_file(), "--out", tmp_path / "none", "--only", "*-seed0", "--only", "smok-*")
+    assert (said.code, said.out) == (2, "")
+    assert "--only smok-*: no run is called so; the first are smoke-fixed-seed0, smoke-fixed-seed1" in said.err
+    assert not (tmp_path / "none").exists()

@@ -259,7 +259,8 @@ def _read_teams(path: Path, games: Mapping[str, Game]) -> dict[str, Any]:
             for side in data[name]["sides"]:
                 passing = [side[part] for part in ("passing", "silent")] if "passing" in side else []
                 _check_team(game, side, [side["single"], side["small"], *passing, *side["met"]])
-            data[name]["rounds"][0]
+            if not data[name]["rounds"]:
+                raise IndexError("no round")
         except (KeyError, TypeError, AttributeError, IndexError) as error:
             raise InputError(
                 f"{path}: {name}: expected what 'coevo reproduce presets --teams' writes ({error!r})"

@@ -10,7 +10,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.baselines import hand_typed_of, over_runs, read_hand_typed, shipped_hand_typed, table
+from analysis.baselines import (
+    best_answer,
+    compare,
+    hand_typed_of,
+    over_runs,
+    read_hand_typed,
+    shipped_hand_typed,
+    table,
+)
 from analysis.baselines.compare import KINDS, equal_games
 from coevo.config import to_toml
 from coevo.contest import champions, line_up, single_skills
@@ -19,7 +27,6 @@ from coevo.evolution.evaluation import Evaluator
 from coevo.run import create_run, open_run
 from coevo.seeds import RunStream, game_seeds
 from coevo.statistics import paired_difference
-from coevo.tree import parse
 
 HAND = """
 [[teams]]
@@ -121,12 +128,17 @@ def test_equal_games_are_those_of_evolution_with_guests_and_of_choosing_champion
     }
 
 
-def test_trees_of_depth_two_are_searched_too(runs):
-    run, _ = runs
-    with Evaluator(run.config, workers=2, backend="threads") as evaluator:
-        rows = table(run, evaluator, games=10, search_games=300, depth=2, team=1).set_index("kind")
-    found = parse(rows.loc["small trees", "trees"].removeprefix("r2: "), run.game.function_set(2))
-    assert found.depth <= 2
+def test_the_depth_that_is_asked_for_is_searched(coevo, runs, tmp_path, monkeypatch):
+    run, asked = shutil.copytree(runs[0].path, tmp_path / "run"), []
+
+    def search(*args, **options):  # noqa: ANN003 - those of best_answer
+        asked.append(options["depth"])
+        return best_answer(*args, **options)
+
+    monkeypatch.setattr(compare, "best_answer", search)
+    few = ("--team", 1, "--games", 10, "--search-games", 310, "--json", "--quiet")
+    told = [json.loads(coevo("baselines", run, *few, "--depth", depth).out) for depth in (1, 2)]
+    assert asked == [one["depth"] for one in told] == [1, 2]
 
 
 def test_over_runs_a_run_counts_once_whatever_its_games():

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from coevo.config import EvolutionSettings, RunSettings
+from coevo.config import EvolutionSettings, RunSettings, without_effect
 from coevo.console import Count, Progress, duration, emit, note, output_options, table, worker_options
 from coevo.errors import InputError
 from coevo.recipes import is_path, read_experiment
@@ -83,6 +83,8 @@ def evolve(
     check_opponents(settings, game)
     hand_typed_teams(settings, game)
     run = create_run(out if out is not None else _default_folder(settings), settings, folders)
+    for text in without_effect(settings, [change.split("=")[0].strip() for change in changes]):
+        note(f"Beware: {text}")
     note(f"Run folder: {run.path}", quiet=quiet)
     try:
         _go_on(run, workers, backend, unseen, as_json=as_json, quiet=quiet)

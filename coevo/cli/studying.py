@@ -82,6 +82,8 @@ def study(
             note(f"\n{source}", quiet=quiet)
         path = out if out is not None else Path("runs") / study_name(source)
         read = plan or read_plan(source, seeds)
+        for text in read.without_effect:
+            note(f"Beware: {text}")
         told.append(_do(read, path, _chosen(read, only), workers, scheduler, as_json=as_json, quiet=quiet))
     if as_json:
         emit(told[0] if len(told) == 1 else {"studies": told})

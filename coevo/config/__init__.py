@@ -5,6 +5,7 @@ its description. ``[T]`` marks a value stated in Uchibe (1999), ``[S]`` one from
 ``[C]`` a free choice of ours where the text is silent.
 """
 
+from coevo.config.effect import without_effect
 from coevo.config.experiment import (
     CategorySettings,
     ConditionSettings,
@@ -83,4 +84,5 @@ __all__ = [
     "override",
     "read_toml",
     "to_toml",
+    "without_effect",
 ]

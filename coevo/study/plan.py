@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from coevo.config import FileSettings, assign, check, read_toml
+from coevo.config import EvolutionSettings, FileSettings, assign, check, read_toml, without_effect
 from coevo.errors import InputError, nearest_name
 from coevo.plugins import search_folders
 from coevo.recipes import is_path, recipe_path
@@ -124,6 +124,17 @@ class Plan:
     def own_files(self) -> list[Path]:
         """Modules of one's own that its runs need."""
         return list(dict.fromkeys(path for condition in self.conditions for path in condition.own))
+
+    @property
+    def without_effect(self) -> list[str]:
+        """Lines about settings that are varied and change nothing, where that is so in any condition."""
+        found: dict[str, str] = {}
+        for condition in self.conditions:
+            settings = condition.settings(self.seeds[0])
+            if isinstance(settings, EvolutionSettings):
+                for text in without_effect(settings, self.record.vary):
+                    found.setdefault(text, condition.label)
+        return [f"{label}: {text}" for text, label in found.items()]
 
 
 def study_name(source: str) -> str:

@@ -184,11 +184,13 @@ MISSED = {
     ("two-learners", "passing over not passing"),
     ("two-learners", "rounds that moved"),
     ("stationary-opponent", "rounds that moved"),
+    ("three-learners", "passing over not passing"),
+    ("three-learners", "rounds that moved"),
 }
 
 
-def test_teams_are_kept():
-    assert HELD
+def test_teams_of_all_presets_are_kept():
+    assert set(HELD) == set(PRESETS)
 
 
 @pytest.mark.slow

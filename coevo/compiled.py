@@ -263,10 +263,13 @@ def start_costs(code: str) -> tuple[float, float]:
     cpu, clock = [], []
     with tempfile.TemporaryDirectory(prefix="coevo-cache-") as folder:
         for _ in range(4):
-            began, before = time.perf_counter(), os.times()
+            began = time.perf_counter()
             environment = os.environ | {"COEVO_CACHE_DIR": folder}
-            subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL, env=environment)  # noqa: S603 - our own code
-            after = os.times()
-            cpu.append(after.children_user + after.children_system - before.children_user - before.children_system)
+            process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.DEVNULL, env=environment)  # noqa: S603 - our own code
+            _, status, used = os.wait4(process.pid, 0)  # of this child alone: others may be reaped meanwhile
+            process.returncode = os.waitstatus_to_exitcode(status)
+            if process.returncode:
+                raise subprocess.CalledProcessError(process.returncode, process.args)
+            cpu.append(used.ru_utime + used.ru_stime)
             clock.append(time.perf_counter() - began)
     return cpu[0] - statistics.median(cpu[1:]), statistics.median(clock[1:])

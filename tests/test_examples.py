@@ -44,6 +44,7 @@ PUBLIC = (
     "coevo.complexity.Controller",
     "coevo.complexity.value_change",
     "coevo.complexity.values_at",
+    "coevo.config.effect.without_effect",
     "coevo.config.reader.assign",
     "coevo.config.reader.check",
     "coevo.config.reader.override",

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import textwrap
+import warnings
 from pathlib import Path
 
 import numba
@@ -183,7 +184,9 @@ def test_what_only_the_first_start_does_is_the_cost_of_compiling():
     # What another child used that ended before, and is reaped meanwhile, is not counted.
     other = subprocess.Popen([sys.executable, "-c", "import time\nwhile time.process_time() < 2.0: pass"])
     pid = other.pid
-    del other  # it still runs: Python reaps it when the next one begins
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)
+        del other  # it still runs: Python reaps it when the next one begins
     os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
     cpu, clock = start_costs(textwrap.dedent(code))
     assert 0.5 < cpu < 1.5

@@ -144,8 +144,7 @@ def _decided(
 @cache
 def kept_teams() -> Mapping[str, Any]:
     """Return the teams by which the shipped presets are measured again, by the name of the recipe."""
-    path = Path(__file__).with_name("presets.toml")
-    return tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    return tomllib.loads(Path(__file__).with_name("presets.toml").read_text(encoding="utf-8"))
 
 
 @click.command()

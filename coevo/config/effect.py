@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from operator import attrgetter
 
 from coevo.config.experiment import EvolutionSettings
 
 __all__ = ["without_effect"]
 
-# By the beginning of a key: the setting that decides, and whether the key counts as it stands.
-_ASKED: tuple[tuple[str, str, Callable[[EvolutionSettings], bool]], ...] = (
-    ("evaluation.partners", "evaluation.grouping", lambda of: of.evaluation.grouping != "random"),
-    ("evaluation.hall_share", "evaluation.grouping", lambda of: of.evaluation.grouping == "hall-of-fame"),
-    ("evaluation.against_share", "evaluation.against", lambda of: bool(of.evaluation.against)),
-    ("fitness.fixed", "fitness.kind", lambda of: of.fitness.kind == "fixed"),
-    ("fitness.varying", "fitness.kind", lambda of: of.fitness.kind == "varying"),
-    ("gp.tournament", "gp.variation", lambda of: of.gp.variation == "genetic"),
-    ("gp.mutation_depth_max", "gp.mutation", lambda of: of.gp.mutation > 0.0),
-    ("gp.leaf_probability", "gp.crossover_points", lambda of: of.gp.crossover_points == "any"),
+# By the beginning of a key: the settings that decide, and whether the key counts as they stand.
+_ASKED: tuple[tuple[str, tuple[str, ...], Callable[[EvolutionSettings], bool]], ...] = (
+    ("evaluation.partners", ("evaluation.grouping",), lambda of: of.evaluation.grouping != "random"),
+    ("evaluation.hall_share", ("evaluation.grouping",), lambda of: of.evaluation.grouping == "hall-of-fame"),
+    ("evaluation.against_share", ("evaluation.against",), lambda of: bool(of.evaluation.against)),
+    ("fitness.fixed", ("fitness.kind",), lambda of: of.fitness.kind == "fixed"),
+    ("fitness.varying", ("fitness.kind",), lambda of: of.fitness.kind == "varying"),
+    ("gp.tournament", ("gp.variation",), lambda of: of.gp.variation == "genetic"),
+    ("gp.mutation_depth_max", ("gp.mutation",), lambda of: of.gp.mutation > 0.0),
+    ("gp.leaf_probability", ("gp.crossover_points",), lambda of: of.gp.crossover_points == "any"),
     (
         "gp.walked_changes",
-        "gp.changed_leaves and gp.inserted_conditions",
+        ("gp.changed_leaves", "gp.inserted_conditions"),
         lambda of: of.gp.changed_leaves + of.gp.inserted_conditions > 0.0,
     ),
     (
         "gp.walk_stop",
-        "gp.walked_changes and gp.inserted_conditions",
+        ("gp.walked_changes", "gp.inserted_conditions"),
         lambda of: of.gp.walked_changes * of.gp.inserted_conditions > 0.0,
     ),
 )
@@ -50,13 +51,6 @@ def without_effect(settings: EvolutionSettings, keys: Iterable[str]) -> list[str
     for key in dict.fromkeys(keys):
         for beginning, deciding, counts in _ASKED:
             if (key == beginning or key.startswith(f"{beginning}.")) and not counts(settings):
-                told = ", ".join(f"{name}, which is {_value(settings, name)!r}" for name in deciding.split(" and "))
+                told = ", ".join(f"{name}, which is {attrgetter(name)(settings)!r}" for name in deciding)
                 found.append(f"{key} changes nothing here: see {told}")
     return found
-
-
-def _value(settings: EvolutionSettings, key: str) -> object:
-    value: object = settings
-    for name in key.split("."):
-        value = getattr(value, name)
-    return value

@@ -7,7 +7,7 @@ played. Tables are printed and written as CSV, curves of Figs. 6.5, 6.6 and 6.10
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,7 +32,18 @@ from coevo.study.folder import finished_runs
 if TYPE_CHECKING:
     import altair as alt
 
-__all__ = ["TABLES", "Evolved", "endings", "late_and_early", "play", "read_conditions", "report", "sizes", "worth"]
+__all__ = [
+    "TABLES",
+    "Evolved",
+    "differences",
+    "endings",
+    "late_and_early",
+    "play",
+    "read_conditions",
+    "report",
+    "sizes",
+    "worth",
+]
 
 _STATISTICS = ("best", "mean", "worst")
 _MEASURES = ("fitness", "goals", "lost", "kicks", "collisions", "steps")  # f, G, L, K, C and steps of the figures
@@ -174,6 +185,36 @@ def worth(conditions: Conditions) -> Report:
     return {"worth": ([*header, "of single skills"], rows)}
 
 
+def differences(conditions: Conditions) -> Report:
+    """Return by how much last champions win more unseen games than those of the setting's first condition.
+
+    In the mean over runs of the same seeds, which meet the same games. Only where one team evolves: where two do, each
+    is judged against the other of its own run, so that who wins more may just have met a worse one.
+    """
+    rows: Rows = []
+    for runs, reference in _beside_the_first(conditions):
+        known = {one.row["seed"]: one for one in reference}
+        pairs = [(one, known[one.row["seed"]]) for one in runs if one.row["seed"] in known]
+        teams = runs[0].teams()
+        if len(teams) > 1 or not pairs:
+            continue
+        ((team, robots),) = teams.items()
+        more = [one.told(f"team{team}_last") - other.told(f"team{team}_last") for one, other in pairs]
+        ahead = f"{sum(gain > 0.0 for gain in more)} of {len(more)}"
+        told = str(len(more)), ", ".join(robots), reference[0].condition
+        rows.append([runs[0].condition, *told, mean_words(more, least=-1.0, most=1.0), ahead])
+    return {"differences": (["condition", "runs", "robots", "beside", "more games won", "ahead"], rows)}
+
+
+def _beside_the_first(conditions: Conditions) -> Iterator[tuple[list[Evolved], list[Evolved]]]:
+    """Yield the runs of each condition but the first of its setting, and those of that first."""
+    first: dict[str, list[Evolved]] = {}
+    for runs in conditions.values():
+        reference = first.setdefault(runs[0].setting, runs)
+        if reference is not runs:
+            yield runs, reference
+
+
 def endings(conditions: Conditions) -> Report:
     """Return how games between the last champions end, the ratio of 6.4.3, and since when another side is ahead.
 
@@ -277,6 +318,6 @@ def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> Non
     del quiet  # it shows no progress
     altair()
     conditions = read_conditions(folder)
-    parts: Sequence[Report] = [part(conditions) for part in (worth, endings, late_and_early, play, sizes)]
+    parts: Sequence[Report] = [part(conditions) for part in (worth, differences, endings, late_and_early, play, sizes)]
     shown = {name: one for part in parts for name, one in part.items()}
     write_report(out or folder / "report", shown, {}, figures(conditions), as_json=as_json)

@@ -9,7 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.chapter6 import TABLES, endings, late_and_early, play, read_conditions, sizes, worth
+from analysis.chapter6 import (
+    TABLES,
+    Evolved,
+    differences,
+    endings,
+    late_and_early,
+    play,
+    read_conditions,
+    sizes,
+    worth,
+)
 from analysis.tournament import play_tournament
 from coevo.errors import InputError
 from coevo.evolution.evaluation import Evaluator
@@ -91,6 +101,36 @@ def test_champions_are_compared_with_the_first_and_with_single_skills_run_by_run
     assert (second["ahead of first"], second["of single skills"]) == ("1 of 2", "2 of 2")
 
 
+def test_arms_are_compared_with_the_first_of_their_setting_over_runs_of_the_same_seeds(small_settings, tmp_path):
+    run = create_run(tmp_path / "run", small_settings(preset="two-learners"))
+
+    def arm(name, won, setting="two-learners"):
+        rows = [{"recipe": setting, "seed": str(seed), "team0_last": str(last)} for seed, last in won.items()]
+        return [Evolved(setting, {"arm": name}, row, run) for row in rows]
+
+    arms = [
+        arm("genetic", {0: 0.7, 1: 0.8, 2: 0.9, 3: 0.0}),
+        arm("random", {2: 0.6, 1: 0.7, 0: 0.5, 4: 1.0}),  # less by .2, .1 and .3; seed 4 has no other
+        arm("late", {1: 0.9, 0: 0.8}),
+        arm("genetic", {0: 0.1}, "stationary-opponent"),
+        arm("random", {0: 0.2}, "stationary-opponent"),
+        arm("alone", {0: 0.2}, "three-learners"),
+    ]
+    rows = rows_of(differences({runs[0].condition: runs for runs in arms}))
+    assert [list(row.values()) for row in rows] == [
+        # t = 4.303 of two degrees of freedom, times .1 / sqrt(3)
+        ["two-learners, random", "3", "r0, r1", "two-learners, genetic", "-0.200 [-0.448, 0.048]", "0 of 3"],
+        ["two-learners, late", "2", "r0, r1", "two-learners, genetic", "0.100 [0.100, 0.100]", "2 of 2"],
+        ["stationary-opponent, random", "1", "r0, r1", "stationary-opponent, genetic", "0.100", "1 of 1"],
+    ]
+
+
+def test_where_two_teams_evolve_each_meets_another_so_nothing_is_compared(folder):
+    ((name, runs),) = read_conditions(folder).items()
+    other = [replace(one, varied={"fitness.kind": "varying"}) for one in runs]
+    assert rows_of(differences({name: runs, "three-learners, varying": other})) == []
+
+
 def test_games_end_as_the_rows_say(folder):
     (row,) = rows_of(endings(read_conditions(folder)))
     assert [row[name].split()[0] for name in ("alone", "interception", "time-out")] == ["0.200", "0.200", "0.250"]
@@ -119,7 +159,7 @@ def test_the_command_writes_tables_and_curves(folder, coevo, tmp_path):
     said = coevo("reproduce", "chapter6", folder, "--out", tmp_path / "report", "--json")
     told = json.loads(said.out)
     assert told["figures"] == ["three-learners.svg"]
-    assert set(told["tables"]) == {"worth", "endings", "late-and-early", "play", "sizes"}
+    assert set(told["tables"]) == {"worth", "differences", "endings", "late-and-early", "play", "sizes"}
     assert (tmp_path / "report" / "three-learners.svg").read_text(encoding="utf-8").startswith("<svg")
 
 

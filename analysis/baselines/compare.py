@@ -34,7 +34,7 @@ from coevo.tree import parse
 
 __all__ = ["COLUMNS", "KINDS", "check_comparable", "equal_games", "over_runs", "table"]
 
-KINDS = ("champions", "single skills", "small trees", "hand-typed", "random search")
+KINDS = ("champions", "single skills", "small trees", "hand-typed", "random search", "other run")
 COLUMNS = (
     *("run", "team", "robots", "kind", "name", "trees", "chosen", "games"),
     *("share", "low", "high", "lost", "time_out", "over", "over_low", "over_high"),
@@ -65,7 +65,7 @@ def equal_games(run: Run, other: Run) -> bool:
     return games(run) == games(other)
 
 
-def check_comparable(run: Run, team: int | None, random: Run | None) -> None:
+def check_comparable(run: Run, team: int | None, beside: Run | None) -> None:
     """Refuse what ``table`` cannot compare; arguments are its own.
 
     Raises:
@@ -74,11 +74,11 @@ def check_comparable(run: Run, team: int | None, random: Run | None) -> None:
     teams = evolving_teams(run.game)
     if team is not None and team not in teams:
         raise InputError(f"expected a team that evolves ({', '.join(map(str, teams))}), got {team}")
-    for one in (run, random):
+    for one in (run, beside):
         if one is not None and one.finished < 1:
             raise InputError(f"{one.path} has no finished generation yet; go on with 'coevo resume {one.path}'")
-    if random is not None and not same_game([run, random]):
-        raise InputError(f"{random.path} is about another game than {run.path}: their champions cannot meet")
+    if beside is not None and not same_game([run, beside]):
+        raise InputError(f"{beside.path} is about another game than {run.path}: their champions cannot meet")
 
 
 def table(
@@ -90,12 +90,12 @@ def table(
     depth: int = 1,
     team: int | None = None,
     hand: Sequence[HandTyped] = (),
-    random: Run | None = None,
+    beside: Run | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
     """Return the last champions of a run beside its baselines; what was played is kept in the run folder.
 
-    Where other teams evolve, the opponents are their last champions, and those of the random search if there is one:
+    Where other teams evolve, the opponents are their last champions, and those of the run beside if there is one:
     starts are dealt to both in turn, so that neither is favoured. Single skills, small trees and hand-typed teams are
     chosen against the same opponents, by other games.
 
@@ -107,7 +107,7 @@ def table(
         depth: of the deepest of them.
         team: whose champions; by default of each that evolves.
         hand: hand-typed teams; those of other teams are left out.
-        random: a run of the same game by random search.
+        beside: another run of the same game, by random search or by other settings of evolution.
         tell: receives a line before what takes long.
 
     Returns:
@@ -117,15 +117,15 @@ def table(
         by how much the champions' share is above it in the same games, none for themselves.
 
     Raises:
-        InputError: no generation is finished, there is no such team, or the random search is about another game.
+        InputError: no generation is finished, there is no such team, or the run beside is about another game.
     """
-    check_comparable(run, team, random)
+    check_comparable(run, team, beside)
     teams = evolving_teams(run.game)
     last = champions(run, run.finished - 1)
-    drawn = {} if random is None else champions(random, random.finished - 1)
+    other = {} if beside is None else champions(beside, beside.finished - 1)
     frames = []
     for number in teams if team is None else (team,):
-        met = [_without(of, number) for of in (last, drawn) if of]
+        met = [_without(of, number) for of in (last, other) if of]
         others = met if any(met) else []
         found = _Kept(run, evaluator, number, others, tell)
         entrants = [_Entrant("champions", "last champions", "", True, last[number])]
@@ -134,8 +134,9 @@ def table(
         mine = [one for one in hand if one.team == number]
         # They are few, and some of them near each other: as many games choose among them as measure them.
         entrants += found.hand_typed(mine, max(round(_CHOOSING * search_games), games * len(mine)))
-        if random is not None:
-            entrants.append(_Entrant("random search", random.path.name, "", True, drawn[number]))
+        if beside is not None:
+            kind = "random search" if beside.config.gp.variation == "random" else "other run"
+            entrants.append(_Entrant(kind, beside.path.name, "", True, other[number]))
         frames.append(_rows(run, number, entrants, found.measured(entrants, games)))
     return pd.concat(frames, ignore_index=True)
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["baselines"]
 
+_BESIDE = {"random search": "random search", "other run": "the other run"}  # kinds of a run beside, and in a sentence
+
 
 @click.command()
 @click.argument("folders", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -46,12 +48,14 @@ __all__ = ["baselines"]
     help="Hand-typed teams of your own, instead of those that are shipped and those of the recipe.",
 )
 @click.option(
+    "--beside",
     "--random",
-    "randoms",
+    "beside",
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="RUN",
-    help="A run of the same game by random search; one for each run, in their order.",
+    help="Another run of the same game, by random search or by other settings of evolution; one for each run, in"
+    " their order.",
 )
 @click.option("--out", type=click.Path(path_type=Path), help="All rows, as .csv.")
 @worker_options
@@ -64,7 +68,7 @@ def baselines(
     depth: int,
     team: int | None,
     hand: Path | None,
-    randoms: tuple[Path, ...],
+    beside: tuple[Path, ...],
     out: Path | None,
     workers: int,
     backend: str,
@@ -75,9 +79,10 @@ def baselines(
 
     \b
     Baselines are the best team in which each robot uses one skill throughout, the best team of small trees, the best
-    hand-typed team, and random search with equally many games. Of several runs the runs are what is counted.
+    hand-typed team, and random search with equally many games; other settings of evolution can be put beside, too. Of
+    several runs the runs are what is counted.
     Example: coevo baselines runs/three-learners-seed0
-             coevo baselines runs/mine-seed* --hand teams.toml --random runs/random-seed0 --random runs/random-seed1
+             coevo baselines runs/mine-seed* --hand teams.toml --beside runs/random-seed0 --beside runs/random-seed1
     """
     import pandas as pd
 
@@ -92,9 +97,9 @@ def baselines(
     if out is not None:
         check_out(out, (".csv",))
     runs = open_runs(folders)
-    drawn = _paired(runs, randoms)
+    others = _paired(runs, beside)
     typed = [hand_typed_of(run) if hand is None else read_hand_typed(run.game, hand) for run in runs]
-    for run, other in zip(runs, drawn, strict=True):
+    for run, other in zip(runs, others, strict=True):
         check_comparable(run, team, other)
         if other is not None and not equal_games(run, other):
             note(f"{other.path} did not play as many games as {run.path}", quiet=quiet)
@@ -106,10 +111,10 @@ def baselines(
     one = partial(table, games=games, search_games=search_games, depth=depth, team=team, tell=tell)
     prepare(runs[0].config, tell)
     try:
-        for run, other, teams in zip(runs, drawn, typed, strict=True):
+        for run, other, teams in zip(runs, others, typed, strict=True):
             with Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator:
                 note(f"{run.path}:", quiet=quiet or len(runs) == 1)
-                frames.append(one(run, evaluator, hand=teams, random=other))
+                frames.append(one(run, evaluator, hand=teams, beside=other))
     except KeyboardInterrupt:
         note("Stopped; what was found is kept. Go on with the same command.")
         raise
@@ -124,14 +129,14 @@ def baselines(
     show(data, text + ("" if out is None else f"\nWritten: {out}"), as_json=as_json)
 
 
-def _paired(runs: Sequence[Run], randoms: Sequence[Path]) -> list[Run | None]:
+def _paired(runs: Sequence[Run], beside: Sequence[Path]) -> list[Run | None]:
     from analysis.groups import open_runs
 
-    if not randoms:
+    if not beside:
         return [None] * len(runs)
-    if len(randoms) != len(runs):
-        raise InputError(f"expected --random once for each of {len(runs)} runs, in their order; got {len(randoms)}")
-    return list(open_runs(randoms))
+    if len(beside) != len(runs):
+        raise InputError(f"expected --beside once for each of {len(runs)} runs, in their order; got {len(beside)}")
+    return list(open_runs(beside))
 
 
 def _plain(found: pd.DataFrame) -> list[dict[str, Any]]:
@@ -169,7 +174,7 @@ def _cells(row: Mapping[Any, Any]) -> list[str]:
         if row["kind"] == "champions"
         else "{:+.3f} [{:+.3f}, {:+.3f}]".format(row["over"], row["over_low"], row["over_high"])
     )
-    name = f"random search ({row['name']})" if row["kind"] == "random search" else row["name"]
+    name = f"{row['kind']} ({row['name']})" if row["kind"] in _BESIDE else row["name"]
     return [
         name + (" *" if row["kind"] == "hand-typed" and row["chosen"] else ""),
         f"{row['share']:.3f} [{row['low']:.3f}, {row['high']:.3f}]",
@@ -185,7 +190,7 @@ def _called(row: Mapping[Any, Any]) -> str:
         "single skills": f"the best team of single skills{trees}",
         "small trees": f"the best team of small trees{trees}",
         "hand-typed": f"the best hand-typed team (*, {row['name']})",
-        "random search": f"the champions of random search ({row['name']})",
+        **{kind: f"the champions of {words} ({row['name']})" for kind, words in _BESIDE.items()},
     }
     return called[row["kind"]]
 

@@ -21,8 +21,9 @@ from coevo.seeds import RunStream, game_seeds
 
 __all__ = ["cross_play", "same_game"]
 
-# How a run evolves and what it is compared with, which says nothing about the game.
-_HOW = {"name", "seed", "gp", "fitness", "evaluation", "hand_typed"}
+# How a run evolves and what it is compared with, which says nothing about the game: contests are played by the recipe's
+# own settings, whatever its levels.
+_HOW = {"name", "seed", "gp", "fitness", "evaluation", "levels", "hand_typed"}
 
 
 def same_game(runs: Sequence[Run]) -> bool:

@@ -43,22 +43,22 @@ FEW = {"games": 30, "search_games": 300}
 
 @pytest.fixture(scope="module")
 def runs(small_settings, go_on, tmp_path_factory):
-    """Return a run of two skills, of which there are few small trees, and one of random search."""
+    """Return a run of two skills, with few small trees, one of random search, and one of other settings."""
     folder = tmp_path_factory.mktemp("baselines")
     (folder / "teams.toml").write_text(HAND, encoding="utf-8")
     two = ("skills.pass=", "skills.avoid=")
     return tuple(
-        go_on(create_run(folder / name, small_settings(*two, f"gp.variation={variation}")))
-        for name, variation in (("run", "genetic"), ("random", "random"))
+        go_on(create_run(folder / name, small_settings(*two, setting)))
+        for name, setting in (("run", "seed=0"), ("random", "gp.variation=random"), ("varying", "fitness.kind=varying"))
     )
 
 
 @pytest.fixture(scope="module")
 def found(runs):
-    run, random = runs
+    run, random, _ = runs
     hand = read_hand_typed(run.game, run.path.parent / "teams.toml")
     with Evaluator(run.config, workers=2, backend="threads") as evaluator:
-        return table(run, evaluator, **FEW, hand=hand, random=random)
+        return table(run, evaluator, **FEW, hand=hand, beside=random)
 
 
 def won(run, programs, opponents, team):
@@ -74,8 +74,8 @@ def won(run, programs, opponents, team):
 
 @pytest.mark.parametrize("team", [0, 1])
 def test_shares_are_those_of_single_games_against_both_runs_champions(team, found, runs):
-    run, _ = runs
-    last, drawn = (champions(one, one.finished - 1) for one in runs)
+    run, *_ = runs
+    last, drawn = (champions(one, one.finished - 1) for one in runs[:2])
     opponents = [last[1 - team], drawn[1 - team]]
     rows = found[found["team"] == team].set_index("kind")
     own = won(run, last[team], opponents, team)
@@ -90,9 +90,26 @@ def test_shares_are_those_of_single_games_against_both_runs_champions(team, foun
     assert rows.loc["single skills", "share"] == won(run, best, opponents, team).mean()
 
 
+def test_a_run_of_other_settings_is_called_so_and_meets_the_same_opponents(coevo, runs, tmp_path):
+    """The other run's row is its own champions' games, against both runs' opponents in turn."""
+    run, _, varying = runs
+    copied = shutil.copytree(run.path, tmp_path / "run", ignore=shutil.ignore_patterns("results"))
+    few = ("--games", 30, "--search-games", 300, "--quiet", "--team", 1)
+    said = coevo("baselines", copied, *few, "--beside", varying.path)
+    assert "other run (varying)" in said.out
+    assert "the champions of the other run (varying)." in said.out
+    (row,) = (
+        row
+        for row in json.loads(coevo("baselines", copied, *few, "--beside", varying.path, "--json").out)["teams"]
+        if row["kind"] == "other run"
+    )
+    last, other = (champions(one, one.finished - 1) for one in (run, varying))
+    assert row["share"] == won(run, other[1], [last[0], other[0]], 1).mean()
+
+
 def test_each_side_has_its_baselines_in_order(found):
     for robots, of in found.groupby("robots", sort=False):
-        assert of["kind"].tolist() == list(KINDS), robots
+        assert of["kind"].tolist() == list(KINDS[:-1]), robots
         assert of["chosen"].all()
         assert ((of["share"] + of["lost"] + of["time_out"]).round(9) == 1.0).all()
     assert found["name"].tolist()[3] == "mine"
@@ -100,12 +117,12 @@ def test_each_side_has_its_baselines_in_order(found):
 
 
 def test_what_was_found_is_kept_and_workers_change_nothing(found, runs, tmp_path):
-    run, random = runs
+    run, random, _ = runs
     hand = read_hand_typed(run.game, run.path.parent / "teams.toml")
-    pd.testing.assert_frame_equal(table(open_run(run.path), None, **FEW, hand=hand, random=random), found)
+    pd.testing.assert_frame_equal(table(open_run(run.path), None, **FEW, hand=hand, beside=random), found)
     fresh = open_run(shutil.copytree(run.path, tmp_path / "run", ignore=shutil.ignore_patterns("results")))
     with Evaluator(run.config, workers=1, backend="threads") as evaluator:
-        again = table(fresh, evaluator, **FEW, hand=hand, random=random)
+        again = table(fresh, evaluator, **FEW, hand=hand, beside=random)
     pd.testing.assert_frame_equal(again.drop(columns="run"), found.drop(columns="run"))
     for path in (run.path / "results").iterdir():
         assert path.read_bytes() == (fresh.path / "results" / path.name).read_bytes()
@@ -207,7 +224,7 @@ def test_a_list_of_teams_that_is_wrong_is_told(text, message, small_run, tmp_pat
 
 
 def test_the_command_tells_one_run_and_several(coevo, runs, tmp_path):
-    run, random = runs
+    run, random, _ = runs
     few = ("--games", 30, "--search-games", 300, "--quiet")
     one = coevo("baselines", run.path, *few, "--hand", run.path.parent / "teams.toml", "--random", random.path)
     assert (one.code, one.err) == (0, "")
@@ -228,7 +245,8 @@ def test_the_command_tells_one_run_and_several(coevo, runs, tmp_path):
         (["absent"], "absent"),
         (["RUN", "--team", 2], r"expected a team that evolves (0, 1), got 2"),
         (["RUN", "--random", "LADDER"], "is about another game"),
-        (["RUN", "--random", "RUN", "--random", "OTHER"], "expected --random once for each of 1 runs"),
+        (["RUN", "--beside", "LADDER"], "is about another game"),
+        (["RUN", "--beside", "RUN", "--random", "OTHER"], "expected --beside once for each of 1 runs"),
         (["RUN", "--hand", "absent.toml"], "cannot read absent.toml"),
         (["RUN", "--out", "table.svg"], "expected a file ending in .csv"),
         ([], "Missing argument"),

@@ -51,6 +51,20 @@ def test_only_champions_of_one_game_meet(three_runs, small_settings, go_on, tmp_
     assert not same_game([ladder(2), ladder(2, luck=1.0)])
 
 
+def test_runs_with_levels_meet_those_without_in_the_game_of_the_recipe(three_runs, small_settings, go_on, tmp_path):
+    """Champions that evolved beside a weak r2 play against the full one, like all others."""
+    weak = 'levels.keys=[{"players.2.strength" = [0.4, 1.0]}]'
+    levelled = go_on(create_run(tmp_path / "levelled", small_settings(weak, 'levels.keep="both sides winning"')))
+    slower = go_on(create_run(tmp_path / "slower", small_settings("players.2.strength=0.4")))
+    assert same_game([three_runs[0], levelled])
+    assert not same_game([three_runs[0], slower])
+    table = meet([three_runs[0], levelled]).set_index(["side", "run", "met"])["share"]
+    game = SoccerGame(three_runs[0].config)
+    seeds = game_seeds(0, RunStream.CROSS, 1, count=5)
+    played = game.play(line_up(game, champions(levelled, 2)[0], champions(three_runs[0], 2)[1]), seeds)
+    assert table["r0, r1", "levelled", "run0"] == np.mean(played.winner == 0)
+
+
 def test_a_team_alone_meets_nobody(ladder):
     table = meet([ladder(1), ladder(1)], names=["a", "b"])
     assert table["met"].tolist() == ["0", "1", "0", "1"]

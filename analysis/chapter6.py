@@ -20,6 +20,7 @@ from analysis.charts import altair
 from analysis.curve_chart import chart, words_for
 from analysis.curves import choose, summary, table
 from analysis.groups import run_names
+from analysis.levels import level_table
 from analysis.progress import MINIMUM_GENERATIONS
 from analysis.tournament import diagnoses, largest_tournament
 from analysis.written import Report, Rows, mean_words, report_options, write_report
@@ -38,6 +39,7 @@ __all__ = [
     "differences",
     "endings",
     "late_and_early",
+    "levels",
     "play",
     "read_conditions",
     "report",
@@ -262,13 +264,16 @@ def late_and_early(conditions: Conditions) -> Report:
     """Return what the tournaments say that were played in runs: the last third of the generations against the first.
 
     A third's worth is the share of games that its champions win, over all opponents that took part. Runs without a
-    tournament (``coevo tournament``) are left out.
+    tournament (``coevo tournament``) are left out. Where several sides evolve, a last row asks whether they all come
+    forward in the same run: the smallest of a run's differences, and in how many runs every side is ahead.
     """
     rows: Rows = []
     for name, runs in conditions.items():
         played = [one for one in (largest_tournament(one.run) for one in runs) if one is not None]
+        gains = []
         for side, (_, robots) in enumerate(runs[0].teams().items() if played else ()):
             early, late = np.array([_thirds(one.share(side)) for one in played]).T
+            gains.append(late - early)
             labels = [
                 label
                 for one in played
@@ -279,6 +284,11 @@ def late_and_early(conditions: Conditions) -> Report:
             ahead = f"{int((late > early).sum())} of {len(played)}"
             counted = ", ".join(f"{label} {labels.count(label)}" for label in sorted(set(labels)))
             rows.append([name, str(len(played)), ", ".join(robots), *told, ahead, counted])
+        if len(gains) > 1:
+            least = np.min(gains, axis=0)
+            told = ["", "", mean_words(least.tolist(), least=-1.0, most=1.0)]
+            ahead = f"{int((least > 0.0).sum())} of {len(played)}"
+            rows.append([name, str(len(played)), "all, the least", *told, ahead, ""])
     header = ["condition", "runs", "robots", "first third", "last third", "difference", "last ahead", "diagnoses"]
     return {"late-and-early": (header, rows)}
 
@@ -287,6 +297,29 @@ def _thirds(share: NDArray[np.float64]) -> tuple[float, float]:
     """Return the mean of the first and of the last third of the rows."""
     third = max(1, len(share) // 3)
     return float(share[:third].mean()), float(share[-third:].mean())
+
+
+def levels(conditions: Conditions) -> Report:
+    """Return how far environments that co-evolve (6.5) came, of the conditions that have levels.
+
+    ``highest since``: the first generation on the highest level, in the mean over the runs that came to it.
+    """
+    rows: Rows = []
+    for name, runs in conditions.items():
+        settings = runs[0].run.config.levels
+        if settings is None:
+            continue
+        highest = settings.levels - 1
+        tables = [level_table(one.run) for one in runs]
+        at = [table["level"].to_numpy() for table in tables]
+        since = [float(np.argmax(of == highest)) for of in at if (of == highest).any()]
+        told = [mean_words([float(of[-1]) for of in at], most=highest), str(highest)]
+        told += [f"{len(since)} of {len(runs)}", mean_words(since)]
+        told += [mean_words([float(np.mean(of == highest)) for of in at], most=1.0)]
+        told += [mean_words([float((of["event"] == event).sum()) for of in tables]) for event in ("raised", "lowered")]
+        rows.append([name, str(len(runs)), *told])
+    came = ["last level", "highest", "came to it", "highest since", "generations on it", "raised", "lowered"]
+    return {"levels": (["condition", "runs", *came], rows)}
 
 
 def figures(conditions: Conditions) -> dict[str, alt.VConcatChart]:
@@ -318,6 +351,7 @@ def report(*, folder: Path, out: Path | None, as_json: bool, quiet: bool) -> Non
     del quiet  # it shows no progress
     altair()
     conditions = read_conditions(folder)
-    parts: Sequence[Report] = [part(conditions) for part in (worth, differences, endings, late_and_early, play, sizes)]
+    tables = (worth, differences, endings, late_and_early, levels, play, sizes)
+    parts = [part(conditions) for part in tables]
     shown = {name: one for part in parts for name, one in part.items()}
     write_report(out or folder / "report", shown, {}, figures(conditions), as_json=as_json)

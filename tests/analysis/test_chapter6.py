@@ -15,6 +15,7 @@ from analysis.chapter6 import (
     differences,
     endings,
     late_and_early,
+    levels,
     play,
     read_conditions,
     sizes,
@@ -146,12 +147,41 @@ def test_thirds_of_a_tournament_are_compared_where_one_was_played(folder):
     with Evaluator(run.config, workers=1, backend="threads", folders=run.folders) as evaluator:
         played = play_tournament(run, evaluator, generations=(0, 1, 2), games=5)
     found = rows_of(late_and_early(read_conditions(folder)))
-    assert [(row["runs"], row["robots"]) for row in found] == [("1", "r0, r1"), ("1", "r2")]
+    assert [(row["runs"], row["robots"]) for row in found] == [("1", "r0, r1"), ("1", "r2"), ("1", "all, the least")]
     wins = played.wins[0] / 5  # rows are generations of r0 and r1, columns of r2; the last axis who won
-    for row, by_generation in zip(found, (wins[..., 0].mean(axis=1), wins[..., 1].mean(axis=0)), strict=True):
+    sides = wins[..., 0].mean(axis=1), wins[..., 1].mean(axis=0)
+    least = min(of[2] - of[0] for of in sides)
+    assert found[2]["difference"] == f"{least:.3f}"
+    assert found[2]["last ahead"] == f"{int(least > 0)} of 1"
+    for row, by_generation in zip(found, sides, strict=False):
         assert row["first third"] == f"{by_generation[0]:.3f}"
         assert row["last third"] == f"{by_generation[2]:.3f}"
         assert row["last ahead"] == f"{int(by_generation[2] > by_generation[0])} of 1"
+
+
+def test_levels_are_counted_over_runs(small_settings, go_on, tmp_path):
+    """One run is raised after its first generation and stays on the highest level; the other is never raised."""
+
+    def levelled(name, rate):
+        of = ['levels.keys=[{"game.time_limit_steps" = [80, 90]}]', "levels.window=1"]
+        settings = small_settings(*of, f"levels.raise_when={{{rate}={{at_least=0.5}}}}")
+        return Evolved("levelled", {}, {}, go_on(create_run(tmp_path / name, settings)))
+
+    runs = [levelled("raised", "undecided"), levelled("never", "decided")]  # in so few steps hardly anybody scores
+    without = Evolved("without", {}, {}, create_run(tmp_path / "without", small_settings()))
+    (row,) = rows_of(levels({"levelled": runs, "without": [without]}))
+    assert {name: told.split()[0] for name, told in row.items()} == {
+        "condition": "levelled",
+        "runs": "2",
+        "last level": "0.500",
+        "highest": "1",
+        "came to it": "1",
+        "highest since": "1.000",
+        "generations on it": "0.333",  # two of three in one run
+        "raised": "0.500",
+        "lowered": "0.000",
+    }
+    assert row["came to it"] == "1 of 2"
 
 
 @pytest.mark.slow
@@ -159,7 +189,7 @@ def test_the_command_writes_tables_and_curves(folder, coevo, tmp_path):
     said = coevo("reproduce", "chapter6", folder, "--out", tmp_path / "report", "--json")
     told = json.loads(said.out)
     assert told["figures"] == ["three-learners.svg"]
-    assert set(told["tables"]) == {"worth", "differences", "endings", "late-and-early", "play", "sizes"}
+    assert set(told["tables"]) == {"worth", "differences", "endings", "late-and-early", "levels", "play", "sizes"}
     assert (tmp_path / "report" / "three-learners.svg").read_text(encoding="utf-8").startswith("<svg")
 
 

@@ -298,6 +298,7 @@ def attack(*arguments):
     return subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own
 
 
+@pytest.mark.slow
 def test_a_share_of_the_attack_fails_nowhere():
     done = attack("--scale", "0.02", "--only", "inputs", "--only", "damage", "--only", "crashes")
     assert done.returncode == 0, done.stdout + done.stderr

@@ -143,7 +143,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 @contextmanager
 def put_off_interrupt() -> Iterator[None]:
-    """Let what is within end before Ctrl-C is obeyed, so that it is done whole or not at all.
+    """Let what is within end before Ctrl-C or a kill is obeyed, so that it is done whole or not at all.
 
     Python gives signals to the main thread only; elsewhere there is nothing to put off.
     """
@@ -156,11 +156,12 @@ def put_off_interrupt() -> Iterator[None]:
         nonlocal came
         came = True
 
-    before = signal.signal(signal.SIGINT, remember)
+    before = {number: signal.signal(number, remember) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
     if came:
         raise KeyboardInterrupt
 

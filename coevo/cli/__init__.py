@@ -1,7 +1,11 @@
 """The command line: the one place where everything is put together."""
 
 import os
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 __all__ = ["main"]
 
@@ -12,13 +16,27 @@ def main() -> None:
     What takes a while to import is imported here, so that who stops it meanwhile sees no traceback.
     """
     try:
-        _mend_streams()
-        from coevo.cli.commands import run
+        with _stopped_by_kill():
+            _mend_streams()
+            from coevo.cli.commands import run
 
-        run()
+            run()
     except KeyboardInterrupt:
         print("coevo: stopped", file=sys.stderr)  # noqa: T201 - click may not be imported yet
         sys.exit(130)
+
+
+@contextmanager
+def _stopped_by_kill() -> Iterator[None]:
+    """Let SIGTERM, by which ``kill`` and batch systems end a process, do what Ctrl-C does: workers end with it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _mend_streams() -> None:

@@ -250,19 +250,20 @@ def test_a_damaged_checkpoint_is_told_of_and_can_be_thrown_away(coevo, whole, st
     assert (stopped.parent / "skill.npz").read_bytes() == whole[0]
 
 
-def interrupted(reached):
+def interrupted(reached, number):
     with put_off_interrupt():
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), number)
         reached.append("the end of the block")
     reached.append("what comes after it")
 
 
-def test_ctrl_c_is_put_off_to_the_end_of_a_block():
-    reached, before = [], signal.getsignal(signal.SIGINT)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_and_kill_are_put_off_to_the_end_of_a_block(number):
+    reached, before = [], signal.getsignal(number)
     with pytest.raises(KeyboardInterrupt):
-        interrupted(reached)
+        interrupted(reached, number)
     assert reached == ["the end of the block"]
-    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.getsignal(number) is before
     with put_off_interrupt():
         pass  # nothing came
 

@@ -80,12 +80,23 @@ def test_a_worker_killed_in_the_middle_changes_nothing(options, study, undisturb
     assert not (tmp_path / "out" / "failed.csv").exists()
 
 
-@pytest.mark.parametrize("options", [("--workers", 2), ("--workers", 2, "--scheduler", "local")])
-def test_ctrl_c_leaves_all_that_is_done_and_the_same_command_goes_on(options, study, undisturbed, tmp_path):
+@pytest.mark.parametrize(
+    ("stop", "options"),
+    [
+        # As a terminal does, to the workers, too; and as a batch system does whose time is up, to the one it knows.
+        (lambda process: os.killpg(process.pid, signal.SIGINT), ("--workers", 2)),
+        (lambda process: os.killpg(process.pid, signal.SIGINT), ("--workers", 2, "--scheduler", "local")),
+        (lambda process: process.terminate(), ("--workers", 2)),
+    ],
+    ids=["Ctrl-C", "Ctrl-C on a cluster", "kill"],
+)
+def test_what_stops_it_leaves_all_that_is_done_and_the_same_command_goes_on(
+    stop, options, study, undisturbed, tmp_path
+):
     process = study("out", *options)
     wait_for_generation(tmp_path / "out", process)
     workers = psutil.Process(process.pid).children(recursive=True)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
+    stop(process)
     assert process.wait(timeout=300) == 130
     said = (tmp_path / "out.log").read_text()
     assert "Traceback" not in said

@@ -110,5 +110,13 @@ def _check_tables(tables: tuple[_Together, ...]) -> None:
                     f"keys: {first!r} and {key!r} move together, but have {len(table[first])} and {len(values)} values;"
                     " give as many, or tables of their own"
                 )
+            if any(map(_holds_nothing, values)):
+                raise ValueError(f"keys: {key!r} has None within a value; expected what a file of settings can hold")
     if all(len(values) == 1 for table in tables for values in table.values()):
         raise ValueError("keys: expected two or more values of a setting, lowest level first")
+
+
+def _holds_nothing(value: object) -> bool:
+    """Return whether there is None in a value, or anywhere within it; TOML has no word for it."""
+    within = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return value is None or any(map(_holds_nothing, within))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from datetime import date
 from typing import Any
 
 import msgspec
@@ -270,8 +271,9 @@ def test_a_place_in_a_list_that_is_not_there_is_named(small_settings):
         ({"keys": [{"a": [1, 2], "b": [1, 2, 3]}]}, "'a' and 'b' move together, but have 2 and 3 values"),
         ({"keys": [{"a": [1, 2]}, {"a": [1, 2]}]}, "'a' stands in them twice"),
         ({"keys": [{"a": [1, 2]}, {"a.b": [1, 2]}]}, "'a.b' stands in them twice"),
-        ({"keys": [{"a": [[1], [None]]}]}, "'a' has None within a value"),
-        ({"keys": [{"a": [1, 2], "b": [{"x": [{"y": None}]}, {}]}]}, "'b' has None within a value"),
+        ({"keys": [{"a": [[1], [None]]}]}, "'a': expected numbers, texts"),
+        ({"keys": [{"a": [1, float("nan")]}]}, "'a': expected numbers, texts"),
+        ({"keys": [{"a": [1, 2], "b": [{"x": [{"y": date(2000, 1, 1)}]}, {}]}]}, "'b': expected numbers, texts"),
         ({"first": 4}, "expected a level from 0 to 3, got 4"),
         ({"dimension": 3, "most_dimensions": 2}, "most_dimensions must be at least dimension 3, got 2"),
         ({"on_stall": ["panic"]}, "expected one of 'grow', 'lower', 'raise', 'stay', 'end', got 'panic'"),

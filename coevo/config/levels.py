@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -110,13 +111,16 @@ def _check_tables(tables: tuple[_Together, ...]) -> None:
                     f"keys: {first!r} and {key!r} move together, but have {len(table[first])} and {len(values)} values;"
                     " give as many, or tables of their own"
                 )
-            if any(map(_holds_nothing, values)):
-                raise ValueError(f"keys: {key!r} has None within a value; expected what a file of settings can hold")
+            if not all(map(_is_plain, values)):
+                raise ValueError(
+                    f"keys: {key!r}: expected numbers, texts, true and false, and lists and tables of these"
+                )
     if all(len(values) == 1 for table in tables for values in table.values()):
         raise ValueError("keys: expected two or more values of a setting, lowest level first")
 
 
-def _holds_nothing(value: object) -> bool:
-    """Return whether there is None in a value, or anywhere within it; TOML has no word for it."""
-    within = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return value is None or any(map(_holds_nothing, within))
+def _is_plain(value: object) -> bool:
+    """Return whether a value is one that settings have, all through: a date, None or NaN is none."""
+    if isinstance(value, dict | list):
+        return all(map(_is_plain, value.values() if isinstance(value, dict) else value))
+    return isinstance(value, bool | int | str) or (isinstance(value, float) and not math.isnan(value))

@@ -13,6 +13,7 @@ __all__ = ["ancestry_chart", "family_chart", "origin_chart"]
 
 # All can be seen on white and on dark pages.
 _COLOUR = dict(zip(OPERATORS, (COLOURS[2], COLOURS[3], "#b9b9b9", COLOURS[0], COLOURS[1]), strict=True))
+_NEW = ("creation", "mutation", "crossover")  # by which nodes come into being: of a crossover by its small changes
 _ROOT, _BRANCH = "#6b757c", "#a3afb8"  # lines
 _WIDTH = 760  # [px], as _LANE, from lane to lane
 _LANE = 24
@@ -99,10 +100,8 @@ def origin_chart(ancestry: Ancestry) -> alt.LayerChart:
     table = origin_table(ancestry)
     table["kind"] = (table["operator"] + ", " + table["use"]).str.removesuffix(f", {USE[2]}")
     totals = table.groupby("generation", as_index=False)["nodes"].sum()
-    kinds = [f"{operator}{use}" for operator in ("creation", "mutation") for use in (f", {USE[0]}", f", {USE[1]}", "")]
-    shades = [
-        shade for name in ("creation", "mutation") for shade in (_COLOUR[name], f"{_COLOUR[name]}59", _COLOUR[name])
-    ]
+    kinds = [f"{operator}{use}" for operator in _NEW for use in (f", {USE[0]}", f", {USE[1]}", "")]
+    shades = [shade for name in _NEW for shade in (_COLOUR[name], f"{_COLOUR[name]}59", _COLOUR[name])]
     colours = dict(zip(kinds, shades, strict=True))
     shown = [kind for kind in kinds if kind in set(table["kind"])]
     x = _generations(ancestry, "generation that they came into being in")
@@ -116,7 +115,9 @@ def origin_chart(ancestry: Ancestry) -> alt.LayerChart:
                 "kind:N",
                 title=None,
                 scale=alt.Scale(domain=shown, range=[colours[kind] for kind in shown]),
-                legend=alt.Legend(symbolType="square", symbolStrokeWidth=0, symbolOpacity=1, orient="bottom"),
+                legend=alt.Legend(
+                    symbolType="square", symbolStrokeWidth=0, symbolOpacity=1, orient="bottom", columnPadding=24
+                ),
             ),
             order=alt.Order("kind:O"),
             tooltip=["generation", "operator", "use", "nodes"],

@@ -11,6 +11,7 @@ __all__ = ["sentences", "summary"]
 
 _MOST = 6  # generations that a sentence lists
 _COPIES = ("elite", "reproduction")
+_LATER = {"mutation": "from mutations", "crossover": "from small changes after crossovers"}  # nodes that no parent had
 
 
 def summary(ancestry: Ancestry) -> dict[str, Any]:
@@ -73,19 +74,21 @@ def _listed(parts: Sequence[str]) -> str:
 
 
 def _by_origin(origins: Sequence[dict[str, Any]], what: str) -> str:
-    """Say how many nodes were created, in the first generation as a rule, and how many came from which mutations."""
+    """Say how many nodes were created, in the first generation as a rule, and how many came later, and by what."""
     created = sum(origin[what] for origin in origins if origin["operator"] == "creation")
     first = min((origin["generation"] for origin in origins if origin["operator"] == "creation"), default=0)
-    mutated = [origin for origin in origins if origin["operator"] == "mutation" and origin[what]]
-    total = sum(origin[what] for origin in mutated)
-    if not mutated:
-        return f"all from generation {first}"
     parts = [f"{created} from generation {first}"] if created else []
-    largest = sorted(mutated, key=lambda origin: -origin[what])[:_MOST]
-    told = [f"{origin[what]} in generation {origin['generation']}" for origin in mutated if origin in largest]
-    rest = total - sum(origin[what] for origin in largest)
-    told += [f"{rest} in {len(mutated) - len(largest)} others"] if rest else []
-    return _listed([*parts, f"{total} from mutations ({', '.join(told)})"])
+    for operator, words in _LATER.items():
+        came = [origin for origin in origins if origin["operator"] == operator and origin[what]]
+        if not came:
+            continue
+        total = sum(origin[what] for origin in came)
+        largest = sorted(came, key=lambda origin: -origin[what])[:_MOST]
+        told = [f"{origin[what]} in generation {origin['generation']}" for origin in came if origin in largest]
+        rest = total - sum(origin[what] for origin in largest)
+        told += [f"{rest} in {len(came) - len(largest)} others"] if rest else []
+        parts.append(f"{total} {words} ({', '.join(told)})")
+    return _listed(parts) if len(parts) > 1 or not created else f"all from generation {first}"
 
 
 def _last_change(found: dict[str, Any]) -> str:
@@ -101,10 +104,12 @@ def _last_change(found: dict[str, Any]) -> str:
             f"It came about by mutation {when}, which put {_number(new, 'new node')} to"
             f" {change['from_parent_1']} inherited{after}."
         )
-    return (
-        f"It came about by crossover {when}: {_number(change['from_parent_1'], 'node')} of its first parent and"
-        f" {change['from_parent_2']} of the second{after}."
-    )
+    parts = [
+        f"{_number(change['from_parent_1'], 'node')} of its first parent",
+        f"{change['from_parent_2']} of the second",
+    ]
+    parts += [f"{new} new by small changes"] if new else []
+    return f"It came about by crossover {when}: {_listed(parts)}{after}."
 
 
 def _called(found: dict[str, Any], rank: int, again: tuple[float, int] | None) -> str:

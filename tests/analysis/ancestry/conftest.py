@@ -64,8 +64,19 @@ def known():
 
 
 @pytest.fixture(scope="session")
+def changed_in_small():
+    """Return two generations; the second is a child of a crossover with one node that neither parent had."""
+    created = Origin("creation")
+    return [
+        _bred(("IF_a(x, y)", created, 9.0), ("IF_b(y, x)", created, 8.0)),
+        _bred(("IF_a(x, x)", Origin("crossover", 0, 1, ((0, 0), NEW, (1, 2))), 7.0)),
+    ]
+
+
+@pytest.fixture(scope="session")
 def busy_run(small_settings, go_on, tmp_path_factory):
-    """Return a run of seven generations, small trees and every operator: only to be read."""
+    """Return a run of seven generations, small trees, every operator and small changes: only to be read."""
     shares = ("gp.crossover=0.55", "gp.mutation=0.3", "gp.reproduction=0.15", "gp.crossover_depth_max=5")
+    shares += ("gp.inserted_conditions=0.3", "gp.changed_leaves=0.3")
     settings = small_settings(*shares, "gp.population=10", "gp.generations=7", "seed=11")
     return go_on(create_run(tmp_path_factory.mktemp("busy") / "run", settings))

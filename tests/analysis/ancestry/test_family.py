@@ -18,6 +18,11 @@ def found(known, known_functions):
     return ancestry_of(known, "r0", 0, known_functions, node_steps=STEPS)
 
 
+@pytest.fixture
+def small_changes(changed_in_small, known_functions):
+    return ancestry_of(changed_in_small, "r0", 0, known_functions, node_steps=np.array([100, 60, 40]))
+
+
 @pytest.fixture(scope="module")
 def families(busy_run):
     last = busy_run.finished - 1
@@ -136,6 +141,42 @@ def test_what_is_said_of_a_known_ancestry(found):
         f"{line} (best 2.000, in generation 3).",
         "It has 6 ancestors; of 6 of them something is left.",
     ]
+
+
+def test_nodes_that_a_crossover_child_got_by_small_changes_are_told_and_drawn(small_changes):
+    """The tree of generation 1 has one node of each parent, and one that neither had."""
+    told = sentences(summary(small_changes))
+    assert told[0] == (
+        "r0's best of generation 1 has 3 nodes: 2 from generation 0 and 1 from small changes after crossovers"
+        " (1 in generation 1)."
+    )
+    assert told[2] == (
+        "It came about by crossover in generation 1: 1 node of its first parent, 1 of the second and 1 new by small"
+        " changes."
+    )
+    drawn = origin_chart(small_changes).to_dict()["layer"][0]
+    assert set(drawn["encoding"]["color"]["scale"]["domain"]) == {
+        "creation, in use",
+        "crossover, in use",
+    }
+
+
+def test_all_that_arose_later_is_told_where_nothing_is_left_of_the_first(found):
+    told = summary(found)
+    origins = [{"generation": 2, "operator": "crossover", "nodes": 7, "in_use": 5, "use": 1.0}]
+    said = sentences({**told, "origins": origins})
+    assert (
+        said[0] == "r0's best of generation 3 has 7 nodes: 7 from small changes after crossovers (7 in generation 2)."
+    )
+
+
+def test_every_node_of_a_tree_has_a_colour_in_the_picture(families):
+    """A kind that is not in the domain of the colours is not drawn."""
+    for one in families:
+        table, drawn = origin_table(one), origin_chart(one).to_dict()["layer"][0]
+        assert set(drawn["encoding"]["color"]["scale"]["domain"]) == {
+            kind.removesuffix(", not counted") for kind in table["operator"] + ", " + table["use"]
+        }
 
 
 @pytest.mark.parametrize(

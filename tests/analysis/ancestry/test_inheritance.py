@@ -157,7 +157,7 @@ def test_the_numbers_of_a_family_add_up(busy_run):
         operators |= set(nodes["operator"])
         assert (nodes["generation"].eq(0) == nodes["operator"].eq("creation")).all()
         assert table["carried"].eq(table["nodes"]).loc[len(table) - 1]
-    assert operators == {"creation", "mutation"}
+    assert operators == {"creation", "mutation", "crossover"}  # the last by small changes
 
 
 def test_all_ancestors_are_there(busy_run):

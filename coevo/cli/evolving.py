@@ -59,7 +59,7 @@ def evolve(
     \b
     Presets: two-learners, stationary-opponent, three-learners, smoke.
     Others: chapter6/equal-complexity, chapter6/dissertation-three-learners, ... (README).
-    Example: coevo evolve three-learners --seed 3 --set fitness.kind=varying
+    Example: coevo evolve three-learners --seed 3 --set gp.generations=30
     """
     changes = list(assignments)
     changes += [] if seed is None else [f"seed={seed}"]

@@ -84,6 +84,9 @@ class ConditionSettings(Settings, frozen=True, kw_only=True):
     expression: str  # such as "area >= 400 and x >= 20 and x < 44"; coevo.soccer.conditions says what is read
 
 
+Questions = Annotated[tuple[str, ...], Meta(min_length=1)]
+
+
 class GPSettings(Settings, frozen=True, kw_only=True):
     """Genetic programming, Table 6.3."""
 
@@ -114,6 +117,9 @@ class GPSettings(Settings, frozen=True, kw_only=True):
     variation: Literal["genetic", "random"] = "genetic"  # random: all but the elite made anew, as a control
     # Given trees by name of the role: they take the first places of its first population.
     start: dict[str, tuple[str, ...]] = msgspec.field(default_factory=dict)
+    # Questions by name of the role: its new trees are decision tables of them, with leaves at random. Of each list the
+    # first that holds decides, or that none does; then the next list is asked.
+    decision_tables: dict[str, tuple[Questions, ...]] = msgspec.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         total = self.crossover + self.reproduction + self.mutation

@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from coevo.config import EvolutionSettings
 from coevo.evolution.champions import judge_again
 from coevo.evolution.evaluation import Evaluator, Match
 from coevo.evolution.grouping import Groups, groups_of, line_ups
@@ -18,7 +17,7 @@ from coevo.evolution.opponents import frozen_codes
 from coevo.evolution.population import Individual, codes_of, first_population, origins_of, parents_of
 from coevo.evolution.variation import breed
 from coevo.fitness import Scorer
-from coevo.game import Played, start_trees
+from coevo.game import Played, decision_tables, start_trees
 from coevo.levels import Levels
 from coevo.records import Checkpoint, GenerationRecord, Origins
 from coevo.run import Run
@@ -105,11 +104,19 @@ def _record(
     )
 
 
-def _next(
-    record: GenerationRecord, settings: EvolutionSettings, functions: FunctionSet, generation: int
-) -> list[Individual]:
+def _next(run: Run, record: GenerationRecord, generation: int) -> list[Individual]:
+    """Return the population of one role that follows its generation."""
+    settings, functions = run.config, run.game.function_set(record.role)
     parents = parents_of(record.codes, record.fitness, record.depth, functions)
-    return breed(parents, settings.gp, functions, seed=settings.seed, generation=generation, robot=record.role)
+    return breed(
+        parents,
+        settings.gp,
+        functions,
+        seed=settings.seed,
+        generation=generation,
+        robot=record.role,
+        table=decision_tables(settings.gp, run.game).get(record.role, ()),
+    )
 
 
 def _checkpoint(
@@ -124,14 +131,21 @@ def _rebuild(run: Run, functions: Mapping[int, FunctionSet]) -> Checkpoint:
     """Return what comes after the last finished generation, from the individuals alone."""
     settings, generation = run.config, run.finished - 1
     if generation < 0:
-        start = start_trees(settings.gp, run.game)
+        start, tables = start_trees(settings.gp, run.game), decision_tables(settings.gp, run.game)
         first = {
-            role: first_population(settings.gp, of, seed=settings.seed, robot=role, start=start.get(role, ()))
+            role: first_population(
+                settings.gp,
+                of,
+                seed=settings.seed,
+                robot=role,
+                start=start.get(role, ()),
+                table=tables.get(role, ()),
+            )
             for role, of in functions.items()
         }
         return _checkpoint(0, first, functions)
     records = run.records(generation)
-    following = {record.role: _next(record, settings, functions[record.role], generation) for record in records}
+    following = {record.role: _next(run, record, generation) for record in records}
     return _checkpoint(generation + 1, following, functions)
 
 
@@ -230,7 +244,7 @@ def evolve(
         ]
         state = Checkpoint(generation + 1, state.populations, state.origins)  # the last one stays as it is
         if generation + 1 < settings.gp.generations:
-            following = {r.role: _next(r, settings, functions[r.role], generation) for r in records}
+            following = {r.role: _next(run, r, generation) for r in records}
             state = _checkpoint(generation + 1, following, functions)
         level = levels.observe(_contemporary(groups, outcomes))
         run.save_generation(generation, records, level)

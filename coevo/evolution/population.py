@@ -11,7 +11,7 @@ from deap.tools import crossover, mutation, selection
 from numpy.typing import NDArray
 
 from coevo.config import GPSettings
-from coevo.game import Game, start_trees
+from coevo.game import DecisionTable, Game, decision_tables, start_trees
 from coevo.records import OPERATORS, Origins
 from coevo.seeds import RunStream, global_random, thread_random
 from coevo.tree import FunctionSet, Tree, from_codes, tree_codes
@@ -114,9 +114,15 @@ def parents_of(
 
 
 def first_population(
-    settings: GPSettings, functions: FunctionSet, *, seed: int, robot: int, start: Sequence[Tree] = ()
+    settings: GPSettings,
+    functions: FunctionSet,
+    *,
+    seed: int,
+    robot: int,
+    start: Sequence[Tree] = (),
+    table: DecisionTable = (),
 ) -> list[Individual]:
-    """Return the first population of one robot: given trees, and then ramped half and half.
+    """Return the first population of one robot: given trees, and then new ones.
 
     Args:
         settings: Table 6.3.
@@ -124,17 +130,36 @@ def first_population(
         seed, robot: identify the random stream.
         start: given trees; those that they take the places of are drawn all the same, so that the others stay as they
             are.
+        table: as of ``created``.
     """
     with global_random(seed, RunStream.CREATION, robot):
-        drawn = [created(settings, functions) for _ in range(settings.population)]
+        drawn = [created(settings, functions, table) for _ in range(settings.population)]
     given = [individual_of(tree_codes(tree, functions), functions) for tree in start]
     return [*given, *drawn[len(given) :]]
 
 
-def created(settings: GPSettings, functions: FunctionSet) -> Individual:
-    """Return a new individual, drawn from this thread's stream."""
+def created(settings: GPSettings, functions: FunctionSet, table: DecisionTable = ()) -> Individual:
+    """Return a new individual, drawn from this thread's stream: ramped half and half (Koza 1992), or a decision table.
+
+    Args:
+        settings: Table 6.3.
+        functions: the robot's function set.
+        table: lists of questions. Of each list the first that holds decides, or that none does, and then the next list
+            is asked; the leaves, one for each way to answer, are drawn. Without it the tree is drawn as a whole.
+    """
+    if table:
+        return Individual(_asked(table, functions))
     low, high = settings.creation_depth_min, settings.creation_depth_max
     return Individual(gp.genHalfAndHalf(functions.primitives, low, high))
+
+
+def _asked(table: DecisionTable, functions: FunctionSet) -> list[gp.Primitive | gp.Terminal]:
+    """Return the nodes of a decision table in prefix order, with leaves at random."""
+    if not table:
+        return [functions.primitives.mapping[thread_random.choice(functions.terminals)]]
+    questions, rest = table[0], table[1:]
+    nodes = [node for name in questions for node in (functions.primitives.mapping[name], *_asked(rest, functions))]
+    return [*nodes, *_asked(rest, functions)]
 
 
 def random_teams(game: Game, settings: GPSettings, *, seed: int, teams: int) -> list[list[Tree | None]]:
@@ -148,9 +173,11 @@ def random_teams(game: Game, settings: GPSettings, *, seed: int, teams: int) -> 
     """
     roles = range(len(game.roles))
     functions = {role: game.function_set(role) for role in roles if game.roles[role].evolves}
-    start = start_trees(settings, game)
+    start, tables = start_trees(settings, game), decision_tables(settings, game)
     first = {
-        role: first_population(settings, of, seed=seed, robot=role, start=start.get(role, ()))[:teams]
+        role: first_population(
+            settings, of, seed=seed, robot=role, start=start.get(role, ()), table=tables.get(role, ())
+        )[:teams]
         for role, of in functions.items()
     }
     size = min(teams, settings.population)

@@ -10,6 +10,7 @@ from deap import gp, tools
 
 from coevo.config import GPSettings
 from coevo.evolution.population import NEW, Individual, Origin, Source, created
+from coevo.game import DecisionTable
 from coevo.seeds import RunStream, global_random, thread_random
 from coevo.tree import FunctionSet, Tree
 from coevo.tree.simplify import kept_nodes
@@ -27,6 +28,7 @@ def breed(
     seed: int,
     generation: int,
     robot: int,
+    table: DecisionTable = (),
 ) -> list[Individual]:
     """Return the population of the next generation.
 
@@ -39,6 +41,7 @@ def breed(
         settings: Table 6.3.
         functions: the robot's function set.
         seed, generation, robot: identify the random stream; ``generation`` is that of the parents.
+        table: as of ``created``, for ``variation = "random"``.
 
     Returns:
         The children, each with its ``origin``. A child that the limit replaced is a reproduction of the parent that
@@ -52,7 +55,10 @@ def breed(
     with global_random(seed, RunStream.VARIATION, generation, robot):
         children = [copy(parent, "elite") for parent in tools.selBest(parents, settings.elite)]
         if settings.variation == "random":
-            return [*children, *(created(settings, functions) for _ in range(settings.population - len(children)))]
+            return [
+                *children,
+                *(created(settings, functions, table) for _ in range(settings.population - len(children))),
+            ]
 
         def select() -> Individual:
             return copy(tools.selTournament(parents, 1, settings.tournament)[0], "reproduction")

@@ -3,11 +3,20 @@
 from coevo.game.arena import Arena, Outcome, StartsDoNotFitError, Trace, load_bank, warm_up
 from coevo.game.contract import Game, Played, Role, check_game, check_played, programs_of, teams_of, terminals_of
 from coevo.game.functions import function_set, given_trees
-from coevo.game.make import check_playable, make_game, own_references, prepare, start_trees
+from coevo.game.make import (
+    DecisionTable,
+    check_playable,
+    decision_tables,
+    make_game,
+    own_references,
+    prepare,
+    start_trees,
+)
 from coevo.game.soccer import SoccerGame
 
 __all__ = [
     "Arena",
+    "DecisionTable",
     "Game",
     "Outcome",
     "Played",
@@ -18,6 +27,7 @@ __all__ = [
     "check_game",
     "check_playable",
     "check_played",
+    "decision_tables",
     "function_set",
     "given_trees",
     "load_bank",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 from coevo.config import EvolutionSettings, ForeignSettings, GPSettings, RunSettings
 from coevo.errors import InputError, nearest_name
@@ -14,7 +16,18 @@ from coevo.kept import with_kept_skills
 from coevo.plugins import load_callable, own_failure
 from coevo.tree import Tree, parse
 
-__all__ = ["check_playable", "make_game", "own_references", "prepare", "start_trees"]
+__all__ = [
+    "DecisionTable",
+    "check_playable",
+    "decision_tables",
+    "make_game",
+    "own_references",
+    "prepare",
+    "start_trees",
+]
+
+DecisionTable: TypeAlias = tuple[tuple[str, ...], ...]  # lists of questions, asked one after the other
+_MOST_LEAVES = 1024
 
 
 def make_game(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Game:
@@ -60,6 +73,7 @@ def check_playable(settings: EvolutionSettings, folders: Sequence[Path] = ()) ->
     """
     game = make_game(settings, folders)
     start_trees(settings.gp, game)
+    decision_tables(settings.gp, game)
     if isinstance(game, SoccerGame):
         assert game.arena.bank
     return game
@@ -71,21 +85,51 @@ def start_trees(settings: GPSettings, game: Game) -> dict[int, list[Tree]]:
     Raises:
         InputError: there is no such role, it does not evolve, or a tree is none of its trees.
     """
-    names = {role.name: number for number, role in enumerate(game.roles) if role.evolves}
     found: dict[int, list[Tree]] = {}
     for name, texts in settings.start.items():
-        if name not in names:
-            evolving = ", ".join(names)
-            raise InputError(
-                f"gp.start: {name!r} is no role that evolves.{nearest_name(name, names)} Known: {evolving}"
-            )
-        functions = game.function_set(names[name])
+        role = _evolving(game, name, "gp.start")
+        functions = game.function_set(role)
         for place, text in enumerate(texts):
             try:
-                found.setdefault(names[name], []).append(parse(text, functions))
+                found.setdefault(role, []).append(parse(text, functions))
             except InputError as error:
                 raise InputError(f"gp.start.{name}.{place}: {str(error).removeprefix('tree: ')}") from None
     return found
+
+
+def decision_tables(settings: GPSettings, game: Game) -> dict[int, DecisionTable]:
+    """Return the questions of the tables that new trees are, by the number of the role.
+
+    Raises:
+        InputError: there is no such role, it does not evolve, it cannot ask one of the questions, or a table has more
+            than 1,024 leaves.
+    """
+    found: dict[int, DecisionTable] = {}
+    for name, table in settings.decision_tables.items():
+        role, key = _evolving(game, name, "gp.decision_tables"), f"gp.decision_tables.{name}"
+        functions = game.function_set(role).functions
+        for place, questions in enumerate(table):
+            for question in questions:
+                if question not in functions:
+                    raise InputError(
+                        f"{key}.{place}: {question!r} is no question of {name}."
+                        f"{nearest_name(question, functions)} Known: {', '.join(functions)}"
+                    )
+        leaves = math.prod(len(questions) + 1 for questions in table)
+        if leaves > _MOST_LEAVES:
+            raise InputError(f"{key}: expected a table of at most {_MOST_LEAVES:,} leaves, got {leaves:,}")
+        found[role] = table
+    return found
+
+
+def _evolving(game: Game, name: str, key: str) -> int:
+    """Return the number of the role of this name, which evolves."""
+    names = {role.name: number for number, role in enumerate(game.roles) if role.evolves}
+    if name not in names:
+        raise InputError(
+            f"{key}: {name!r} is no role that evolves.{nearest_name(name, names)} Known: {', '.join(names)}"
+        )
+    return names[name]
 
 
 def prepare(settings: EvolutionSettings, tell: Callable[[str], None]) -> None:

@@ -12,10 +12,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import coevo.run
+import coevo.run_reader
 from coevo.errors import InputError
 from coevo.files import digest_of
 from coevo.records import Checkpoint, Origins
-from coevo.run import create_run
+from coevo.run import create_run, open_run
 
 REMEDY = "delete it and resume again: it is made anew from individuals.parquet"
 
@@ -200,3 +202,37 @@ def test_a_checkpoint_can_be_written_and_read(small_settings, tmp_path):
     assert same(run.checkpoint(), saved)
     with zipfile.ZipFile(run.path / "checkpoint.npz") as archive:
         assert not [name for name in archive.namelist() if b"\x80\x04" in archive.read(name)[:4]]  # nothing pickled
+
+
+class Killed(BaseException):
+    """Stands for a kill: nothing of the program catches it."""
+
+
+def kill(_report):
+    raise Killed
+
+
+def test_a_later_version_with_more_settings_reads_results_and_goes_on(small_settings, go_on, monkeypatch, tmp_path):
+    """A run whose config.toml lacks a setting that this version has, as a version that did not have it wrote it."""
+    written = coevo.run.to_toml
+
+    def earlier(settings):
+        lines = written(settings).splitlines(keepends=True)
+        kept = [line for line in lines if not line.startswith("walk_stop")]
+        assert len(kept) == len(lines) - 1
+        return "".join(kept)
+
+    settings = small_settings()
+    with monkeypatch.context() as patched:
+        for module in (coevo.run, coevo.run_reader):
+            patched.setattr(module, "to_toml", earlier)
+        begun = create_run(tmp_path / "run", settings)
+        with pytest.raises(Killed):
+            go_on(begun, report=kill)
+        begun.save_result("found", {"values": np.arange(3)})
+    run = open_run(begun.path)
+    assert run.config == settings
+    assert run.result("found")["values"].tolist() == [0, 1, 2]
+    assert run.checkpoint().generation == 1
+    whole = go_on(create_run(tmp_path / "whole", settings))
+    assert (go_on(run).path / "generations.csv").read_bytes() == (whole.path / "generations.csv").read_bytes()

@@ -71,15 +71,17 @@ def test_the_environment_that_co_evolves_is_the_preset_but_for_its_levels():
     assert msgspec.structs.replace(other, name=preset.name, levels=None) == preset
 
 
-def test_the_presets_breed_by_the_same_steps_but_for_where_they_are():
-    presets = [read_settings(RunSettings, name) for name in ("two-learners", "stationary-opponent", "three-learners")]
-    presets.append(read_settings(RunSettings, "chapter6/equal-complexity"))
-    walked = [one.gp.walked_changes for one in presets]
-    assert walked == [0.0, 0.5, 0.5, 0.5]  # docs/decisions/0016-small-steps.md
-    gp, evaluation = presets[0].gp, presets[0].evaluation
-    assert all(msgspec.structs.replace(one.gp, walked_changes=0.0) == gp for one in presets)
-    assert all(one.evaluation == evaluation for one in presets)
-    assert (gp.population, gp.generations, evaluation.games) == (80, 60, 20)  # Table 6.3
+def test_presets_of_one_team_begin_with_the_same_tables_and_those_of_two_with_trees_that_grow_alike():
+    alone = [read_settings(RunSettings, name) for name in ("two-learners", "stationary-opponent")]
+    contests = [read_settings(RunSettings, name) for name in ("three-learners", "chapter6/equal-complexity")]
+    assert alone[0].gp == alone[1].gp  # docs/decisions/0019-decision-tables.md
+    assert contests[0].gp == contests[1].gp  # docs/decisions/0016-small-steps.md
+    table = alone[0].gp.decision_tables
+    assert table["r0"] == table["r1"]
+    assert not contests[0].gp.decision_tables
+    for one in (*alone, *contests):
+        assert one.evaluation == alone[0].evaluation
+        assert (one.gp.population, one.gp.generations, one.evaluation.games) == (80, 60, 20)  # Table 6.3
 
 
 def test_an_unknown_name_is_answered_with_the_nearest_of_its_kind():

@@ -109,7 +109,9 @@ def decision_tables(settings: GPSettings, game: Game) -> dict[int, DecisionTable
         role, key = _evolving(game, name, "gp.decision_tables"), f"gp.decision_tables.{name}"
         functions = game.function_set(role).functions
         for place, questions in enumerate(table):
-            for question in questions:
+            for at, question in enumerate(questions):
+                if question in questions[:at]:
+                    raise InputError(f"{key}.{place}: asks {question!r} twice, which never holds the second time")
                 if question not in functions:
                     raise InputError(
                         f"{key}.{place}: {question!r} is no question of {name}."

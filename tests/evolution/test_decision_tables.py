@@ -158,6 +158,10 @@ def in_order(run, robot):
         ),
         ("{ r0 = ['IF_ball_is_lost'] }", "gp.decision_tables.r0.0: expected array, got str"),
         ("{ r0 = [[]] }", "gp.decision_tables.r0.0"),
+        (
+            "{ r0 = [['IF_ball_is_lost', 'IF_ball_is_small', 'IF_ball_is_lost']] }",
+            "gp.decision_tables.r0.0: asks 'IF_ball_is_lost' twice, which never holds the second time",
+        ),
     ],
 )
 def test_what_is_no_table_is_refused_before_there_is_a_folder(tables, said, coevo, tmp_path):

@@ -183,7 +183,9 @@ def test_study(follow, capsys):
 
 def test_variation(follow):
     runs = {path.name: open_run(path) for path in (follow("variation.md") / "runs").iterdir()}
-    assert set(runs) == {"context", "steps", "short"}
+    assert set(runs) == {"context", "steps", "short", "tables"}
+    begun = runs["tables"].individuals.query("generation == 0 and robot == 'r0'")
+    assert set(begun["nodes"]) == {11}  # 3 x 2 leaves
     assert trees(runs["context"]) == trees(runs["steps"]) == trees(runs["short"])  # only what is bred differs
     bred = {name: run.individuals.query("generation > 0 and operator != 'elite'") for name, run in runs.items()}
     assert not bred["context"].equals(bred["steps"])

@@ -67,23 +67,14 @@ def why_unsound(folder: Path, name: str, digest: str, remedy: str = f"{AGAIN}, o
     return f"{path} is damaged or was changed: it does not match its digest{told}; {remedy}"
 
 
-def _identity_of(path: Path, settings: EvolutionSettings) -> bytes:
-    """Return what results and checkpoints are kept under: the settings as they were written when the run was begun.
-
-    Not as they are read, as a later version may have more of them.
-    """
-    try:
-        written = read_whole(path / "config.toml")
-    except (OSError, ValueError):
-        written = to_toml(settings).encode()
-    return hashlib.sha256(written).digest()
-
-
 class RunReader(Folder):
     """A run on disk, to be read."""
 
     def __init__(self, path: Path, settings: EvolutionSettings) -> None:
-        super().__init__(path, _identity_of(path, settings))
+        # Kept under the settings as they were written, not as they are read: a later version may have more of them.
+        config = path / "config.toml"
+        written = read_whole(config) if config.is_file() else to_toml(settings).encode()
+        super().__init__(path, hashlib.sha256(written).digest())
         self.config = settings
         self.folders = search_folders(path)  # where code of one's own is looked for
         self._levels: list[LevelRecord] = []  # of the first generations, as far as they were asked for

@@ -101,8 +101,8 @@ def decision_tables(settings: GPSettings, game: Game) -> dict[int, DecisionTable
     """Return the questions of the tables that new trees are, by the number of the role.
 
     Raises:
-        InputError: there is no such role, it does not evolve, it cannot ask one of the questions, or a table has more
-            than 1,024 leaves.
+        InputError: there is no such role, it does not evolve, it cannot ask one of the questions or asks it twice in a
+            list, or a table has more than 1,024 leaves or is deeper than crossovers may be.
     """
     found: dict[int, DecisionTable] = {}
     for name, table in settings.decision_tables.items():
@@ -120,6 +120,12 @@ def decision_tables(settings: GPSettings, game: Game) -> dict[int, DecisionTable
         leaves = math.prod(len(questions) + 1 for questions in table)
         if leaves > _MOST_LEAVES:
             raise InputError(f"{key}: expected a table of at most {_MOST_LEAVES:,} leaves, got {leaves:,}")
+        depth = sum(map(len, table))
+        if depth > settings.crossover_depth_max:
+            raise InputError(
+                f"{key}: expected at most gp.crossover_depth_max = {settings.crossover_depth_max} questions one after"
+                f" the other, or no child of a crossover would be kept, got {depth}"
+            )
         found[role] = table
     return found
 

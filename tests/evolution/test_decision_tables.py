@@ -159,6 +159,10 @@ def in_order(run, robot):
         ("{ r0 = ['IF_ball_is_lost'] }", "gp.decision_tables.r0.0: expected array, got str"),
         ("{ r0 = [[]] }", "gp.decision_tables.r0.0"),
         (
+            f"{{ r0 = [{list(functions.functions[:26])}] }}",
+            "gp.decision_tables.r0: expected at most gp.crossover_depth_max = 25 questions one after the other",
+        ),
+        (
             "{ r0 = [['IF_ball_is_lost', 'IF_ball_is_small', 'IF_ball_is_lost']] }",
             "gp.decision_tables.r0.0: asks 'IF_ball_is_lost' twice, which never holds the second time",
         ),

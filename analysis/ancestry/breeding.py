@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from coevo.errors import InputError
 from coevo.evolution.population import Individual, Origin, codes_of, first_population, parents_of
 from coevo.evolution.variation import breed
-from coevo.game import decision_tables, start_trees
+from coevo.game import creations
 from coevo.run import Run
 
 __all__ = ["Bred", "breed_again", "lineage"]
@@ -65,9 +65,8 @@ def breed_again(run: Run, robot: str, generation: int) -> list[Bred]:
     """
     number, found = run.number_of(run.record(generation, robot)["robot"].iloc[0]), list[Bred]()
     functions, settings = run.game.function_set(number), run.config
-    start = start_trees(settings.gp, run.game).get(number, ())
-    table = decision_tables(settings.gp, run.game).get(number, ())
-    bred = first_population(settings.gp, functions, seed=settings.seed, robot=number, start=start, table=table)
+    creation = creations(settings.gp, run.game)[number]
+    bred = first_population(settings.gp, functions, seed=settings.seed, robot=number, creation=creation)
     for earlier in range(generation + 1):
         rows = run.record(earlier, robot).sort_values("index")
         origins = _check(run, robot, earlier, rows, bred)
@@ -83,7 +82,7 @@ def breed_again(run: Run, robot: str, generation: int) -> list[Bred]:
                 seed=settings.seed,
                 generation=earlier,
                 robot=number,
-                table=table,
+                table=creation.table,
             )
     return found
 

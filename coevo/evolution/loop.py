@@ -17,7 +17,7 @@ from coevo.evolution.opponents import frozen_codes
 from coevo.evolution.population import Individual, codes_of, first_population, origins_of, parents_of
 from coevo.evolution.variation import breed
 from coevo.fitness import Scorer
-from coevo.game import Played, decision_tables, start_trees
+from coevo.game import Played, creations
 from coevo.levels import Levels
 from coevo.records import Checkpoint, GenerationRecord, Origins
 from coevo.run import Run
@@ -115,7 +115,7 @@ def _next(run: Run, record: GenerationRecord, generation: int) -> list[Individua
         seed=settings.seed,
         generation=generation,
         robot=record.role,
-        table=decision_tables(settings.gp, run.game).get(record.role, ()),
+        table=creations(settings.gp, run.game)[record.role].table,
     )
 
 
@@ -131,17 +131,9 @@ def _rebuild(run: Run, functions: Mapping[int, FunctionSet]) -> Checkpoint:
     """Return what comes after the last finished generation, from the individuals alone."""
     settings, generation = run.config, run.finished - 1
     if generation < 0:
-        start, tables = start_trees(settings.gp, run.game), decision_tables(settings.gp, run.game)
         first = {
-            role: first_population(
-                settings.gp,
-                of,
-                seed=settings.seed,
-                robot=role,
-                start=start.get(role, ()),
-                table=tables.get(role, ()),
-            )
-            for role, of in functions.items()
+            role: first_population(settings.gp, functions[role], seed=settings.seed, robot=role, creation=creation)
+            for role, creation in creations(settings.gp, run.game).items()
         }
         return _checkpoint(0, first, functions)
     records = run.records(generation)

@@ -11,7 +11,7 @@ from deap.tools import crossover, mutation, selection
 from numpy.typing import NDArray
 
 from coevo.config import GPSettings
-from coevo.game import DecisionTable, Game, decision_tables, start_trees
+from coevo.game import Creation, DecisionTable, Game, creations
 from coevo.records import OPERATORS, Origins
 from coevo.seeds import RunStream, global_random, thread_random
 from coevo.tree import FunctionSet, Tree, from_codes, tree_codes
@@ -60,6 +60,7 @@ class Origin(NamedTuple):
 
 
 _CREATED = Origin("creation")
+_DRAWN = Creation()
 
 
 class Individual(gp.PrimitiveTree):  # type: ignore[misc]  # DEAP carries no types
@@ -119,8 +120,7 @@ def first_population(
     *,
     seed: int,
     robot: int,
-    start: Sequence[Tree] = (),
-    table: DecisionTable = (),
+    creation: Creation = _DRAWN,
 ) -> list[Individual]:
     """Return the first population of one robot: given trees, and then new ones.
 
@@ -128,13 +128,12 @@ def first_population(
         settings: Table 6.3.
         functions: the robot's function set.
         seed, robot: identify the random stream.
-        start: given trees; those that they take the places of are drawn all the same, so that the others stay as they
-            are.
-        table: as of ``created``.
+        creation: given trees, and the table of the others; those that given trees take the places of are drawn all the
+            same, so that the others stay as they are.
     """
     with global_random(seed, RunStream.CREATION, robot):
-        drawn = [created(settings, functions, table) for _ in range(settings.population)]
-    given = [individual_of(tree_codes(tree, functions), functions) for tree in start]
+        drawn = [created(settings, functions, creation.table) for _ in range(settings.population)]
+    given = [individual_of(tree_codes(tree, functions), functions) for tree in creation.start]
     return [*given, *drawn[len(given) :]]
 
 
@@ -173,12 +172,9 @@ def random_teams(game: Game, settings: GPSettings, *, seed: int, teams: int) -> 
     """
     roles = range(len(game.roles))
     functions = {role: game.function_set(role) for role in roles if game.roles[role].evolves}
-    start, tables = start_trees(settings, game), decision_tables(settings, game)
     first = {
-        role: first_population(
-            settings, of, seed=seed, robot=role, start=start.get(role, ()), table=tables.get(role, ())
-        )[:teams]
-        for role, of in functions.items()
+        role: first_population(settings, functions[role], seed=seed, robot=role, creation=creation)[:teams]
+        for role, creation in creations(settings, game).items()
     }
     size = min(teams, settings.population)
     return [

@@ -4,18 +4,19 @@ from coevo.game.arena import Arena, Outcome, StartsDoNotFitError, Trace, load_ba
 from coevo.game.contract import Game, Played, Role, check_game, check_played, programs_of, teams_of, terminals_of
 from coevo.game.functions import function_set, given_trees
 from coevo.game.make import (
+    Creation,
     DecisionTable,
     check_playable,
-    decision_tables,
+    creations,
     make_game,
     own_references,
     prepare,
-    start_trees,
 )
 from coevo.game.soccer import SoccerGame
 
 __all__ = [
     "Arena",
+    "Creation",
     "DecisionTable",
     "Game",
     "Outcome",
@@ -27,7 +28,7 @@ __all__ = [
     "check_game",
     "check_playable",
     "check_played",
-    "decision_tables",
+    "creations",
     "function_set",
     "given_trees",
     "load_bank",
@@ -35,7 +36,6 @@ __all__ = [
     "own_references",
     "prepare",
     "programs_of",
-    "start_trees",
     "teams_of",
     "terminals_of",
     "warm_up",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from coevo.config import EvolutionSettings, ForeignSettings, GPSettings, RunSettings
 from coevo.errors import InputError, nearest_name
@@ -17,17 +17,28 @@ from coevo.plugins import load_callable, own_failure
 from coevo.tree import Tree, parse
 
 __all__ = [
+    "Creation",
     "DecisionTable",
     "check_playable",
-    "decision_tables",
+    "creations",
     "make_game",
     "own_references",
     "prepare",
-    "start_trees",
 ]
 
 DecisionTable: TypeAlias = tuple[tuple[str, ...], ...]  # lists of questions, asked one after the other
 _MOST_LEAVES = 1024
+
+
+class Creation(NamedTuple):
+    """What the first population of a role is made of.
+
+    start: given trees, which take the first places.
+    table: the questions of the decision tables that new trees are; without them they are drawn as a whole.
+    """
+
+    start: Sequence[Tree] = ()
+    table: DecisionTable = ()
 
 
 def make_game(settings: EvolutionSettings, folders: Sequence[Path] = ()) -> Game:
@@ -72,19 +83,26 @@ def check_playable(settings: EvolutionSettings, folders: Sequence[Path] = ()) ->
         InputError: as of ``make_game``; or a skill, a condition or a given tree cannot be used.
     """
     game = make_game(settings, folders)
-    start_trees(settings.gp, game)
-    decision_tables(settings.gp, game)
+    creations(settings.gp, game)
     if isinstance(game, SoccerGame):
         assert game.arena.bank
     return game
 
 
-def start_trees(settings: GPSettings, game: Game) -> dict[int, list[Tree]]:
-    """Return the trees that the first populations begin with, by the number of the role.
+def creations(settings: GPSettings, game: Game) -> dict[int, Creation]:
+    """Return what the first populations are made of, by the number of the role that evolves.
 
     Raises:
-        InputError: there is no such role, it does not evolve, or a tree is none of its trees.
+        InputError: there is no such role, it does not evolve, a given tree is none of its trees, it cannot ask one of
+            the questions of its table or asks it twice in a list, or a table has more than 1,024 leaves or is deeper
+            than crossovers may be.
     """
+    start, tables = _start_trees(settings, game), _decision_tables(settings, game)
+    evolving = [number for number, role in enumerate(game.roles) if role.evolves]
+    return {role: Creation(start.get(role, ()), tables.get(role, ())) for role in evolving}
+
+
+def _start_trees(settings: GPSettings, game: Game) -> dict[int, list[Tree]]:
     found: dict[int, list[Tree]] = {}
     for name, texts in settings.start.items():
         role = _evolving(game, name, "gp.start")
@@ -97,13 +115,7 @@ def start_trees(settings: GPSettings, game: Game) -> dict[int, list[Tree]]:
     return found
 
 
-def decision_tables(settings: GPSettings, game: Game) -> dict[int, DecisionTable]:
-    """Return the questions of the tables that new trees are, by the number of the role.
-
-    Raises:
-        InputError: there is no such role, it does not evolve, it cannot ask one of the questions or asks it twice in a
-            list, or a table has more than 1,024 leaves or is deeper than crossovers may be.
-    """
+def _decision_tables(settings: GPSettings, game: Game) -> dict[int, DecisionTable]:
     found: dict[int, DecisionTable] = {}
     for name, table in settings.decision_tables.items():
         role, key = _evolving(game, name, "gp.decision_tables"), f"gp.decision_tables.{name}"

@@ -16,7 +16,7 @@ from coevo.evolution import evolve
 from coevo.evolution.evaluation import Evaluator
 from coevo.evolution.population import codes_of, first_population, random_teams
 from coevo.evolution.variation import breed
-from coevo.game import function_set
+from coevo.game import Creation, function_set
 from coevo.run import create_run, open_run
 from coevo.tree import from_codes
 from coevo.vocabulary import SKILLS
@@ -34,7 +34,9 @@ tables = st.lists(
 
 def first(table, population=6, seed=1):
     """Return the first population of r0 as trees."""
-    made = first_population(GPSettings(population=population), functions, seed=seed, robot=0, table=table)
+    made = first_population(
+        GPSettings(population=population), functions, seed=seed, robot=0, creation=Creation(table=table)
+    )
     return [from_codes(codes_of(one, functions), functions) for one in made]
 
 
@@ -88,7 +90,7 @@ def test_leaves_are_each_skill_as_often():
 
 def test_random_search_draws_tables_anew():
     settings = GPSettings(population=30, variation="random", elite=2)
-    parents = first_population(settings, functions, seed=1, robot=0, table=TABLE)
+    parents = first_population(settings, functions, seed=1, robot=0, creation=Creation(table=TABLE))
     for fitness, parent in enumerate(parents):
         parent.fitness.values = (float(fitness), 3.0)
     children = breed(parents, settings, functions, seed=1, generation=0, robot=0, table=TABLE)

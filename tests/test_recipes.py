@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 
 import msgspec
@@ -71,16 +72,22 @@ def test_the_environment_that_co_evolves_is_the_preset_but_for_its_levels():
     assert msgspec.structs.replace(other, name=preset.name, levels=None) == preset
 
 
-def test_presets_of_one_team_begin_with_the_same_tables_and_those_of_two_with_trees_that_grow_alike():
+def test_presets_begin_with_decision_tables_the_same_for_each_robot_and_those_of_a_contest_with_smaller_ones():
+    """docs/decisions/0019-decision-tables.md."""
     alone = [read_settings(RunSettings, name) for name in ("two-learners", "stationary-opponent")]
     contests = [read_settings(RunSettings, name) for name in ("three-learners", "chapter6/equal-complexity")]
-    assert alone[0].gp == alone[1].gp  # docs/decisions/0019-decision-tables.md
-    assert contests[0].gp == contests[1].gp  # docs/decisions/0016-small-steps.md
-    table = alone[0].gp.decision_tables
-    assert table["r0"] == table["r1"]
-    assert not contests[0].gp.decision_tables
+    assert alone[0].gp == alone[1].gp
+    large, small = (math.prod(len(row) + 1 for row in one.gp.decision_tables["r0"]) for one in (alone[0], contests[0]))
+    assert (large, small) == (96, 16)
     for one in (*alone, *contests):
+        first = alone[0] if one in alone else contests[0]
+        table = first.gp.decision_tables["r0"]
+        evolving = [f"r{place}" for place, player in enumerate(one.players) if player.control == "evolve"]
+        assert one.gp.decision_tables == dict.fromkeys(evolving, table)
         assert one.evaluation == alone[0].evaluation
+        assert msgspec.structs.replace(one.gp, decision_tables={}) == msgspec.structs.replace(
+            first.gp, decision_tables={}
+        )
         assert (one.gp.population, one.gp.generations, one.evaluation.games) == (80, 60, 20)  # Table 6.3
 
 

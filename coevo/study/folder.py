@@ -13,9 +13,10 @@ import io
 import json
 import math
 import secrets
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -263,7 +264,9 @@ def check_folder(path: Path, plan: Plan) -> None:
         if _plain(there, name) != _plain(new, name, of=there)
     ]
     if different:
-        what = different[0] if different[0] != "conditions" else "settings, which a recipe or a default now gives"
+        what = different[0]
+        if what == "conditions":
+            what = f"settings, which a recipe or a default now gives{_which_setting(path, plan, there)}"
         raise InputError(f"{path} holds another study: it differs in its {what}; choose another --out")
     lacking = [seed for seed in there.seeds if seed not in plan.seeds] if isinstance(there.seeds, tuple) else []
     if lacking:
@@ -271,6 +274,35 @@ def check_folder(path: Path, plan: Plan) -> None:
             f"{path} holds this study with more seeds, such as {lacking[0]}; give these too (more may be added), or"
             " choose another --out"
         )
+
+
+def _which_setting(path: Path, plan: Plan, there: StudySettings) -> str:
+    """Return the first setting that a run in the folder has otherwise than the plan, to be put into a message.
+
+    Nothing if no run of a condition that differs was begun, or the difference is in a module of one's own.
+    """
+    for run in plan.runs:
+        label = run.condition.label
+        if there.conditions.get(label) in (None, plan.record.conditions.get(label)):
+            continue
+        try:
+            before = _by_dotted_key(read_toml(path / run.name / "config.toml"))
+        except InputError:
+            continue
+        now = _by_dotted_key(tomllib.loads(to_toml(run.settings)))
+        for key in [*now, *before]:
+            if now.get(key) != before.get(key):
+                was, is_now = (f"is {of[key]!r}" if key in of else "is not there" for of in (before, now))
+                return f": {key} {was} in {run.name} and {is_now} now"
+    return ""
+
+
+def _by_dotted_key(data: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    """Return the values of nested tables by their dotted keys; lists are values."""
+    found: dict[str, Any] = {}
+    for key, value in data.items():
+        found |= _by_dotted_key(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
+    return found
 
 
 def _plain(record: StudySettings, name: str, *, of: StudySettings | None = None) -> str:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 
 import pytest
 
+from coevo.config import to_toml
 from coevo.errors import InputError
 from coevo.recipes import recipe_path
 from coevo.study.folder import ROW, check_folder, check_study, finished_runs, open_study, row_bytes
@@ -181,6 +183,33 @@ def test_a_recipe_or_a_module_that_has_changed_is_another_study(study_file, tmp_
             check_folder(tmp_path / "out", read_plan(study))
         path.write_text(before)
     check_folder(tmp_path / "out", read_plan(study))
+
+
+def test_the_setting_that_has_changed_is_named_where_a_run_tells_it(study_file, tmp_path):
+    recipe, out = tmp_path / "recipe.toml", tmp_path / "out"
+    recipe.write_bytes(recipe_path("smoke", "evolution").read_bytes())
+    study = str(study_file('recipes = ["recipe.toml"]\nseeds = 2', vary=""))
+    plan = read_plan(study)
+    open_study(out, plan).close()
+    with recipe.open("a") as file:
+        file.write("\n[categories]\nleft_below_px = 20.0\n")
+    with pytest.raises(InputError, match="a default now gives; choose another --out"):  # no run was begun
+        check_folder(out, read_plan(study))
+    run = plan.runs[1]
+    (out / run.name).mkdir()
+    config = to_toml(run.settings)
+    line = "left_below_px = 21.333333333333332\n"
+    assert line in config
+    for text, told in (
+        (config, "left_below_px is 21.333333333333332 in recipe-seed1 and is 20.0 now"),
+        (config.replace(line, ""), "left_below_px is not there in recipe-seed1 and is 20.0 now"),
+        (config.replace(line, "left_below_px = 20.0\nmore = 1\n"), "more is 1 in recipe-seed1 and is not there now"),
+    ):
+        (out / run.name / "config.toml").write_text(text)
+        with pytest.raises(
+            InputError, match=f"a default now gives: categories.{re.escape(told)}; choose another --out"
+        ):
+            check_folder(out, read_plan(study))
 
 
 def test_seeds_may_be_added_but_not_left_out(folder, study_file):

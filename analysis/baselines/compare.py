@@ -65,7 +65,7 @@ def equal_games(run: Run, other: Run) -> bool:
     return games(run) == games(other)
 
 
-def check_comparable(run: Run, team: int | None, beside: Run | None) -> None:
+def check_comparable(run: Run, team: int | None, beside: Run | None, met: Sequence[Run] = ()) -> None:
     """Refuse what ``table`` cannot compare; arguments are its own.
 
     Raises:
@@ -74,11 +74,13 @@ def check_comparable(run: Run, team: int | None, beside: Run | None) -> None:
     teams = evolving_teams(run.game)
     if team is not None and team not in teams:
         raise InputError(f"expected a team that evolves ({', '.join(map(str, teams))}), got {team}")
-    for one in (run, beside):
-        if one is not None and one.finished < 1:
+    if met and len(teams) < 2:
+        raise InputError(f"only one team evolves in {run.path}: there are no opponents of other runs for it to meet")
+    for one in (run, *met) if beside is None else (run, beside, *met):
+        if one.finished < 1:
             raise InputError(f"{one.path} has no finished generation yet; go on with 'coevo resume {one.path}'")
-    if beside is not None and not same_game([run, beside]):
-        raise InputError(f"{beside.path} is about another game than {run.path}: their champions cannot meet")
+        if not same_game([run, one]):
+            raise InputError(f"{one.path} is about another game than {run.path}: their champions cannot meet")
 
 
 def table(
@@ -91,12 +93,14 @@ def table(
     team: int | None = None,
     hand: Sequence[HandTyped] = (),
     beside: Run | None = None,
+    met: Sequence[Run] = (),
     tell: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
     """Return the last champions of a run beside its baselines; what was played is kept in the run folder.
 
     Where other teams evolve, the opponents are their last champions, and those of the run beside if there is one:
-    starts are dealt to both in turn, so that neither is favoured. Single skills, small trees and hand-typed teams are
+    starts are dealt to both in turn, so that neither is favoured. In cross-play (``met``) they are those of other runs
+    instead, who did not evolve against these champions. Single skills, small trees and hand-typed teams are
     chosen against the same opponents, by other games.
 
     Args:
@@ -108,6 +112,7 @@ def table(
         team: whose champions; by default of each that evolves.
         hand: hand-typed teams; those of other teams are left out.
         beside: another run of the same game, by random search or by other settings of evolution.
+        met: other runs of the same game, whose last champions are the opponents instead.
         tell: receives a line before what takes long.
 
     Returns:
@@ -117,16 +122,17 @@ def table(
         by how much the champions' share is above it in the same games, none for themselves.
 
     Raises:
-        InputError: no generation is finished, there is no such team, or the run beside is about another game.
+        InputError: no generation is finished, there is no such team, another run is about another game, or there are
+            runs to meet and no other team that evolves.
     """
-    check_comparable(run, team, beside)
+    check_comparable(run, team, beside, met)
     teams = evolving_teams(run.game)
     last = champions(run, run.finished - 1)
     other = {} if beside is None else champions(beside, beside.finished - 1)
+    opponents = [champions(one, one.finished - 1) for one in met] or [of for of in (last, other) if of]
     frames = []
     for number in teams if team is None else (team,):
-        met = [_without(of, number) for of in (last, other) if of]
-        others = met if any(met) else []
+        others = [part for part in (_without(of, number) for of in opponents) if part]
         found = _Kept(run, evaluator, number, others, tell)
         entrants = [_Entrant("champions", "last champions", "", True, last[number])]
         entrants.append(found.single_skills(round(_CHOOSING * search_games)))

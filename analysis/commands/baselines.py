@@ -57,6 +57,11 @@ _BESIDE = {"random search": "random search", "other run": "the other run"}  # ki
     help="Another run of the same game, by random search or by other settings of evolution; one for each run, in"
     " their order.",
 )
+@click.option(
+    "--cross-play",
+    is_flag=True,
+    help="Opponents are the last champions of the other RUNs, who did not evolve against those that are asked about.",
+)
 @click.option("--out", type=click.Path(path_type=Path), help="All rows, as .csv.")
 @worker_options
 @output_options
@@ -69,6 +74,7 @@ def baselines(
     team: int | None,
     hand: Path | None,
     beside: tuple[Path, ...],
+    cross_play: bool,
     out: Path | None,
     workers: int,
     backend: str,
@@ -83,6 +89,7 @@ def baselines(
     several runs the runs are what is counted.
     Example: coevo baselines runs/three-learners-seed0
              coevo baselines runs/mine-seed* --hand teams.toml --beside runs/random-seed0 --beside runs/random-seed1
+             coevo baselines runs/three-learners-seed* --cross-play
     """
     import pandas as pd
 
@@ -97,10 +104,15 @@ def baselines(
     if out is not None:
         check_out(out, (".csv",))
     runs = open_runs(folders)
+    if cross_play and len(runs) < 2:
+        raise InputError(
+            "expected two runs or more with --cross-play, as the champions of each meet those of the others"
+        )
+    met = [[one for one in runs if one is not run] if cross_play else [] for run in runs]
     others = _paired(runs, beside)
     typed = [hand_typed_of(run) if hand is None else read_hand_typed(run.game, hand) for run in runs]
-    for run, other in zip(runs, others, strict=True):
-        check_comparable(run, team, other)
+    for run, other, opponents in zip(runs, others, met, strict=True):
+        check_comparable(run, team, other, opponents)
         if other is not None and not equal_games(run, other):
             note(f"{other.path} did not play as many games as {run.path}", quiet=quiet)
     frames = []
@@ -111,10 +123,10 @@ def baselines(
     one = partial(table, games=games, search_games=search_games, depth=depth, team=team, tell=tell)
     prepare(runs[0].config, tell)
     try:
-        for run, other, teams in zip(runs, others, typed, strict=True):
+        for run, other, teams, opponents in zip(runs, others, typed, met, strict=True):
             with Evaluator(run.config, workers=workers, backend=backend, folders=run.folders) as evaluator:
                 note(f"{run.path}:", quiet=quiet or len(runs) == 1)
-                frames.append(one(run, evaluator, hand=teams, beside=other))
+                frames.append(one(run, evaluator, hand=teams, beside=other, met=opponents))
     except KeyboardInterrupt:
         note("Stopped; what was found is kept. Go on with the same command.")
         raise
@@ -122,10 +134,16 @@ def baselines(
     if out is not None:
         save(None, found, out)
     summary = over_runs(found)
-    data = {"games": games, "search_games": search_games, "depth": depth, "teams": _plain(found)}
+    data = {
+        "games": games,
+        "search_games": search_games,
+        "depth": depth,
+        "cross_play": cross_play,
+        "teams": _plain(found),
+    }
     if len(runs) > 1:
         data["over_runs"] = _plain(summary)
-    text = _several(summary) if len(runs) > 1 else _one(found)
+    text = _several(summary, cross_play=cross_play) if len(runs) > 1 else _one(found)
     show(data, text + ("" if out is None else f"\nWritten: {out}"), as_json=as_json)
 
 
@@ -195,7 +213,7 @@ def _called(row: Mapping[Any, Any]) -> str:
     return called[row["kind"]]
 
 
-def _several(summary: pd.DataFrame) -> str:
+def _several(summary: pd.DataFrame, *, cross_play: bool) -> str:
     """Return what runs came to: the interval is over runs."""
     from analysis.report.words import compared
 
@@ -211,7 +229,8 @@ def _several(summary: pd.DataFrame) -> str:
         for row in summary.to_dict("records")
     ]
     header = ["baseline", "runs", "champions", "baseline", "ahead by, over runs", "ahead in"]
-    lines = ["Mean shares of fresh games won", text_table(header, rows)]
+    against = ", against the champions of the other runs" if cross_play else ""
+    lines = [f"Mean shares of fresh games won{against}", text_table(header, rows)]
     lines += [
         f"{row['robots']}: champions win {compared((row['over'], row['low'], row['high']))} {row['kind']},"
         f" in {row['better']} of {row['runs']} runs."

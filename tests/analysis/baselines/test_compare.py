@@ -24,6 +24,7 @@ from coevo.config import to_toml
 from coevo.contest import champions, line_up, single_skills
 from coevo.errors import InputError
 from coevo.evolution.evaluation import Evaluator
+from coevo.recipes import read_experiment
 from coevo.run import create_run, open_run
 from coevo.seeds import RunStream, game_seeds
 from coevo.statistics import paired_difference
@@ -66,7 +67,8 @@ def won(run, programs, opponents, team):
     seeds = game_seeds(run.config.seed, RunStream.ANSWERED, 0, count=30)
     return np.array(
         [
-            run.game.play(line_up(run.game, programs, opponents[k % 2]), seeds[k : k + 1]).winner[0] == team
+            run.game.play(line_up(run.game, programs, opponents[k % len(opponents)]), seeds[k : k + 1]).winner[0]
+            == team
             for k in range(30)
         ]
     )
@@ -105,6 +107,35 @@ def test_a_run_of_other_settings_is_called_so_and_meets_the_same_opponents(coevo
     )
     last, other = (champions(one, one.finished - 1) for one in (run, varying))
     assert row["share"] == won(run, other[1], [last[0], other[0]], 1).mean()
+
+
+@pytest.mark.parametrize("team", [0, 1])
+def test_in_cross_play_opponents_are_the_champions_of_the_other_runs_alone(team, coevo, runs, tmp_path):
+    """Also with a run beside: its champions are asked about, and nobody meets those of its other side."""
+    copies = [
+        shutil.copytree(one.path, tmp_path / one.path.name, ignore=shutil.ignore_patterns("results")) for one in runs
+    ]
+    few = ("--games", 30, "--search-games", 300, "--quiet", "--team", team, "--cross-play")
+    last = [champions(one, one.finished - 1) for one in runs]
+    (said, data) = (coevo("baselines", *copies, *few, *more) for more in ((), ("--json",)))
+    assert "Mean shares of fresh games won, against the champions of the other runs" in said.out
+    rows = json.loads(data.out)["teams"]
+    own = [row for row in rows if row["kind"] == "champions"]
+    assert [row["run"] for row in own] == [str(path) for path in copies]
+    for k, (run, row) in enumerate(zip(runs, own, strict=True)):
+        met = [last[j][1 - team] for j in range(3) if j != k]
+        assert row["share"] == won(run, last[k][team], met, team).mean()
+    few_runs = coevo("baselines", *copies[:2], *few, "--beside", copies[2], "--beside", runs[2].path, "--json")
+    beside = [row for row in json.loads(few_runs.out)["teams"] if row["kind"] == "other run"]
+    for k, row in enumerate(beside):
+        assert row["share"] == won(runs[k], last[2][team], [last[1 - k][1 - team]], team).mean()
+
+
+def test_in_cross_play_another_team_must_evolve(coevo, tmp_path):
+    runs = [create_run(tmp_path / name, read_experiment("two-learners")).path for name in ("a", "b")]
+    said = coevo("baselines", *runs, "--cross-play")
+    assert (said.code, said.out) == (2, "")
+    assert f"only one team evolves in {runs[0]}" in said.err
 
 
 def test_each_side_has_its_baselines_in_order(found):
@@ -247,6 +278,8 @@ def test_the_command_tells_one_run_and_several(coevo, runs, tmp_path):
         (["RUN", "--random", "LADDER"], "is about another game"),
         (["RUN", "--beside", "LADDER"], "is about another game"),
         (["RUN", "--beside", "RUN", "--random", "OTHER"], "expected --beside once for each of 1 runs"),
+        (["RUN", "--cross-play"], "expected two runs or more with --cross-play"),
+        (["RUN", "LADDER", "--cross-play"], "is about another game"),
         (["RUN", "--hand", "absent.toml"], "cannot read absent.toml"),
         (["RUN", "--out", "table.svg"], "expected a file ending in .csv"),
         ([], "Missing argument"),

@@ -16,7 +16,7 @@ other roles that evolve; nothing where nobody else does.
   (``won``, ``lost`` a game; ``share``, ``lost_share``, ``time_out``); ``gain(after, before)`` with its interval.
 - ``best_answers(game, evaluator, rounds, games=, seed=)``: alternating best answers from the best single skills, a
   ``Round`` each, and ``moves(rounds)``: in how many of them the answer was better.
-- ``table(run, evaluator, games=, search_games=, hand=, random=)``: the champions of a run beside all of these, tidy;
+- ``table(run, evaluator, games=, search_games=, hand=, beside=, met=)``: the champions of a run beside all of these;
   ``over_runs(tables)``: the same of many runs, which are the unit then.
 
 docs/how-to/baselines.md has an example.

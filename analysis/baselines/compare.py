@@ -249,14 +249,30 @@ def over_runs(tables: pd.DataFrame) -> pd.DataFrame:
     Returns:
         A row a side and kind of baseline: ``robots``, ``kind``, ``runs``, ``champions`` and ``share`` (mean shares of
         games won, of the champions and of the baseline), ``over``, ``low``, ``high`` (mean of the differences with its
-        interval over runs), ``better`` (in how many runs the champions were ahead).
+        interval over runs), ``better`` (in how many runs the champions were ahead). Then the same of games lost, as
+        some are nobody's: ``champions_lost`` and ``lost`` (mean shares), ``less``, ``less_low``, ``less_high`` (by how
+        much less the champions lose), ``safer`` (in how many runs they lose less).
     """
     rows = []
     chosen = tables[tables["chosen"]]
+    evolved = chosen[chosen["kind"] == "champions"]
+    ours_lost = {(row["run"], row["robots"]): float(row["lost"]) for row in evolved.to_dict("records")}
     for (robots, kind), of in chosen[chosen["kind"] != "champions"].groupby(["robots", "kind"], sort=False):
-        over = of["over"].to_numpy(np.float64)
-        mean, low, high = (float(value) for value in bootstrap_interval(over))
+        over, lost = of["over"].to_numpy(np.float64), of["lost"].to_numpy(np.float64)
+        ours = np.array([ours_lost[run, robots] for run in of["run"]])
         shares = (float((of["share"] + of["over"]).mean()), float(of["share"].mean()))
-        rows.append((robots, kind, len(of), *shares, mean, low, high, int((over > 0.0).sum())))
+        won = (*shares, *_interval(over), int((over > 0.0).sum()))
+        rows.append((robots, kind, len(of), *won, *_of_lost(ours, lost)))
     columns = ["robots", "kind", "runs", "champions", "share", "over", "low", "high", "better"]
+    columns += ["champions_lost", "lost", "less", "less_low", "less_high", "safer"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def _of_lost(ours: NDArray[np.float64], lost: NDArray[np.float64]) -> tuple[float, float, float, float, float, int]:
+    less = lost - ours
+    return float(ours.mean()), float(lost.mean()), *_interval(less), int((less > 0.0).sum())
+
+
+def _interval(of_runs: NDArray[np.float64]) -> tuple[float, float, float]:
+    mean, low, high = (float(value) for value in bootstrap_interval(of_runs))
+    return mean, low, high

@@ -225,10 +225,12 @@ def _several(summary: pd.DataFrame, *, cross_play: bool) -> str:
             f"{row['share']:.3f}",
             f"{row['over']:+.3f} [{row['low']:+.3f}, {row['high']:+.3f}]",
             f"{row['better']} of {row['runs']}",
+            f"{row['less']:+.3f} [{row['less_low']:+.3f}, {row['less_high']:+.3f}]",
+            f"{row['safer']} of {row['runs']}",
         ]
         for row in summary.to_dict("records")
     ]
-    header = ["baseline", "runs", "champions", "baseline", "ahead by, over runs", "ahead in"]
+    header = ["baseline", "runs", "champions", "baseline", "ahead by, over runs", "ahead in", "lose less by", "in"]
     against = ", against the champions of the other runs" if cross_play else ""
     lines = [f"Mean shares of fresh games won{against}", text_table(header, rows)]
     lines += [

@@ -190,21 +190,27 @@ def test_the_depth_that_is_asked_for_is_searched(coevo, runs, tmp_path, monkeypa
 
 
 def test_over_runs_a_run_counts_once_whatever_its_games():
+    """Won and lost apart: here the champions win more in three of four runs, and lose more in all."""
     rows = [
-        ("r0", kind, chosen, share, over)
-        for over in (0.1, 0.2, -0.1, 0.2)
-        for kind, chosen, share in (
-            ("champions", True, 0.5),
-            ("small trees", True, 0.5 - over),
-            ("hand-typed", False, 0.0),
+        (run, robots, kind, chosen, share, lost, over)
+        for robots in ("r0", "r2")
+        for run, over, more in (("a", 0.1, 0.1), ("b", 0.2, 0.0), ("c", -0.1, 0.1), ("d", 0.2, 0.2))
+        for kind, chosen, share, lost in (
+            ("champions", True, 0.5, 0.3 + more),
+            ("small trees", True, 0.5 - over, 0.2 if robots == "r0" else 0.6),
+            ("hand-typed", False, 0.0, 0.0),
         )
     ]
-    tables = pd.DataFrame(rows, columns=["robots", "kind", "chosen", "share", "over"])
-    (row,) = over_runs(tables).to_dict("records")
-    assert (row["kind"], row["runs"], row["better"]) == ("small trees", 4, 3)
+    tables = pd.DataFrame(rows, columns=["run", "robots", "kind", "chosen", "share", "lost", "over"])
+    (row, other) = over_runs(tables).to_dict("records")
+    assert (row["robots"], row["kind"], row["runs"], row["better"]) == ("r0", "small trees", 4, 3)
     assert row["over"] == pytest.approx(0.1)
     assert row["champions"] == pytest.approx(0.5)
     assert row["low"] < 0.1 < row["high"]
+    assert (row["champions_lost"], row["lost"], row["less"]) == pytest.approx((0.4, 0.2, -0.2))
+    assert row["less_low"] < -0.2 < row["less_high"] < 0.0
+    assert row["safer"] == 0
+    assert (other["robots"], other["less"], other["safer"]) == ("r2", pytest.approx(0.2), 4)
 
 
 def test_a_recipe_may_hold_teams_and_a_shipped_one_of_the_same_name_gives_way(coevo, small_run, tmp_path):

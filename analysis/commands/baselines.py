@@ -230,7 +230,7 @@ def _several(summary: pd.DataFrame, *, cross_play: bool) -> str:
         ]
         for row in summary.to_dict("records")
     ]
-    header = ["baseline", "runs", "champions", "baseline", "ahead by, over runs", "ahead in", "lose less by", "in"]
+    header = ["baseline", "runs", "champions", "baseline", "ahead by, over runs", "ahead in", "lose less by", "less in"]
     against = ", against the champions of the other runs" if cross_play else ""
     lines = [f"Mean shares of fresh games won{against}", text_table(header, rows)]
     lines += [

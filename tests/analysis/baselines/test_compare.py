@@ -127,6 +127,7 @@ def test_in_cross_play_opponents_are_the_champions_of_the_other_runs_alone(team,
         assert row["share"] == won(run, last[k][team], met, team).mean()
     few_runs = coevo("baselines", *copies[:2], *few, "--beside", copies[2], "--beside", runs[2].path, "--json")
     beside = [row for row in json.loads(few_runs.out)["teams"] if row["kind"] == "other run"]
+    assert len(beside) == 2
     for k, row in enumerate(beside):
         assert row["share"] == won(runs[k], last[2][team], [last[1 - k][1 - team]], team).mean()
 

@@ -27,7 +27,7 @@ from coevo.folder import lock_folder
 from coevo.seal import seal, unseal
 from coevo.soundness import Finding
 from coevo.study.kinds import Cell
-from coevo.study.plan import RECIPES, Plan, PlannedRun, StudySettings
+from coevo.study.plan import RECIPES, Plan, PlannedRun, StudySettings, by_dotted_key
 from coevo.study.registry import kind_named
 from coevo.study.sets import table_bytes
 
@@ -286,23 +286,15 @@ def _which_setting(path: Path, plan: Plan, there: StudySettings) -> str:
         if there.conditions.get(label) in (None, plan.record.conditions.get(label)):
             continue
         try:
-            before = _by_dotted_key(read_toml(path / run.name / "config.toml"))
+            before = by_dotted_key(read_toml(path / run.name / "config.toml"))
         except InputError:
             continue
-        now = _by_dotted_key(tomllib.loads(to_toml(run.settings)))
+        now = by_dotted_key(tomllib.loads(to_toml(run.settings)))
         for key in [*now, *before]:
             if now.get(key) != before.get(key):
                 was, is_now = (f"is {of[key]!r}" if key in of else "is not there" for of in (before, now))
                 return f": {key} {was} in {run.name} and {is_now} now"
     return ""
-
-
-def _by_dotted_key(data: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """Return the values of nested tables by their dotted keys; lists are values."""
-    found: dict[str, Any] = {}
-    for key, value in data.items():
-        found |= _by_dotted_key(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
-    return found
 
 
 def _plain(record: StudySettings, name: str, *, of: StudySettings | None = None) -> str:

@@ -21,7 +21,7 @@ from coevo.recipes import is_path, recipe_path
 from coevo.study.kinds import StudyKind
 from coevo.study.registry import kind_named, kind_names
 
-__all__ = ["RECIPES", "Condition", "Plan", "PlannedRun", "StudySettings", "read_plan", "study_name"]
+__all__ = ["RECIPES", "Condition", "Plan", "PlannedRun", "StudySettings", "by_dotted_key", "read_plan", "study_name"]
 
 RECIPES = "recipes"  # the folder in a study's folder that holds recipes and modules of one's own
 _MOST_RUNS = 100_000
@@ -164,8 +164,8 @@ def read_plan(source: str, seeds: int | None = None) -> Plan:
     path = recipe_path(source, "study")
     settings = check(StudySettings, read_toml(path), source)
     chosen = _seeds(settings.seeds if seeds is None else seeds, source)
-    fixed, varied = _flat(settings.set), _flat(settings.vary)
-    arms = {name: _flat(table) for name, table in settings.arms.items()}
+    fixed, varied = by_dotted_key(settings.set), by_dotted_key(settings.vary)
+    arms = {name: by_dotted_key(table) for name, table in settings.arms.items()}
     _check_keys(fixed, varied, arms, source)
     read = [_read_recipe(name, path.parent, source) for name in settings.recipes]
     names = _short_names([name for name, *_ in read])
@@ -222,12 +222,12 @@ def _check_distinct(what: str, values: Sequence[Any], source: str) -> None:
         raise InputError(f"{source}: {what}: expected each value once, got {twice} twice")
 
 
-def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+def by_dotted_key(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     """Return values by dotted keys: a key without quotes in TOML makes tables of its parts."""
     found: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value:
-            found |= _flat(value, f"{above}{key}.")
+            found |= by_dotted_key(value, f"{above}{key}.")
         else:
             found[f"{above}{key}"] = value
     return found

@@ -156,12 +156,16 @@ def test_the_pages_of_this_checkout_hold(tool, capsys):
     assert "pages are there" in capsys.readouterr().out
 
 
-def test_blocks_run_in_order_in_one_folder_and_a_failure_is_told_with_its_place(tool, capfd):
+def test_blocks_run_in_order_in_one_folder_and_a_failure_is_told_with_its_place(tool, capsys):
     lines = [*console("$ echo 7 > seven"), "", "```python", 'print(6 * int(open("seven").read()))', "```"]
-    tool.run_page(tool.read_page("page.md", "\n".join(lines)))
-    assert "42\n" in capfd.readouterr().out
-    with pytest.raises(tool.LieError, match=r"page\.md:2: false exited with 1"):
-        tool.run_page(tool.read_page("page.md", "\n".join(console("$ false"))))
+    good = tool.read_page("good.md", "\n".join(lines))
+    bad = tool.read_page("bad.md", "\n".join(console("$ echo seen", "$ cat seven", "$ echo unseen")))
+    with pytest.raises(tool.LieError, match=r"bad\.md:3: cat seven exited with 1"):
+        tool.run_pages([good, bad])
+    told = capsys.readouterr().out
+    assert re.findall(r"^[a-z0-9]+$", told, re.MULTILINE) == ["42", "seen"]
+    assert "good.md:2: $ echo 7" in told
+    assert "cat: seven" in told
 
 
 @pytest.mark.parametrize(

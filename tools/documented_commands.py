@@ -7,6 +7,7 @@ or ``sh``, a line each. Blocks marked ``python`` are run too. The blocks of a pa
 later one may read what an earlier one made; they find the programs of the checkout's .venv first.
 
 - Each command is parsed: there must be such a command with such options, and its recipe and settings must be right.
+- Pages are run beside each other, one for each core, and what a page says comes when it is done.
 - A block is not run if the line before it says, for readers, how long it takes and why that is too long:
 
       *Takes about an hour; not run by the tests, as ....*
@@ -30,8 +31,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import click
 from names import check_names
@@ -72,8 +74,8 @@ def main(words: list[str]) -> int:
             check_studies(pages)
         named = sum(check_names(page, ROOT) for page in pages)
         print(f"{parsed} commands and {named} names on {len(pages)} pages are there", flush=True)
-        for page in pages if not only_parse else []:
-            run_page(page)
+        if not only_parse:
+            run_pages(pages)
     except LieError as lie:
         print(lie, file=sys.stderr)
         return 1
@@ -239,49 +241,78 @@ def _targets(text: str) -> set[str]:
 # -------------------------------------------------------------------------------------------------------------- running
 
 
-def run_page(page: Page) -> None:
-    """Run the blocks of a page in a folder of its own.
+def run_pages(pages: list[Page]) -> None:
+    """Run the blocks of all pages, each page in a folder of its own, and print what they say in the order of the pages.
+
+    Raises:
+        LieError: a command failed, or takes too long and does not say so.
+    """
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for said, lie in pool.map(_listen, pages):
+            print(said, end="", flush=True)
+            if lie is not None:
+                raise lie
+
+
+def _listen(page: Page) -> tuple[str, LieError | None]:
+    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as output:
+        lie = None
+        try:
+            run_page(page, output)
+        except LieError as error:
+            lie = error
+        output.seek(0)
+        return output.read(), lie
+
+
+def run_page(page: Page, output: IO[str]) -> None:
+    """Run the blocks of a page in a folder of its own; what is run and what it says goes to a file.
 
     Raises:
         LieError: a command failed, or takes too long and does not say so.
     """
     if page.name.startswith(_HOW_TO):
-        print(f"{page.name}: tests/how_to follows it", flush=True)
+        print(f"{page.name}: tests/how_to follows it", file=output)
         return
     with tempfile.TemporaryDirectory(prefix="coevo-docs-") as folder:
         for block in page.blocks:
             if block.language == "python":
                 text = "\n".join(line for _, line in block.lines)
-                _run(page, block.lines[0][0], "the Python above", ["python", "-c", text], folder)
+                _run(f"{page.name}:{block.lines[0][0]}", "the Python above", ["python", "-c", text], folder, output)
             elif block.is_shell:
                 if block.is_long:
                     for number, command in block.commands():
-                        print(f"{page.name}:{number}: $ {command}   (takes long: not run)", flush=True)
+                        print(f"{page.name}:{number}: $ {command}   (takes long: not run)", file=output)
                 for number, command in block.instead if block.is_long else block.commands():
+                    place = f"{page.name}:{number}"
                     if command.startswith("make "):
-                        print(f"{page.name}:{number}: $ {command}   (.ci/run covers it)", flush=True)
+                        print(f"{place}: $ {command}   (.ci/run covers it)", file=output)
                     else:
-                        print(f"{page.name}:{number}: $ {command}", flush=True)
-                        _run(page, number, command, ["bash", "-euo", "pipefail", "-c", command], folder)
+                        print(f"{place}: $ {command}", file=output)
+                        _run(place, command, ["bash", "-euo", "pipefail", "-c", command], folder, output)
 
 
-def _run(page: Page, number: int, what: str, words: list[str], folder: str) -> None:
+def _run(place: str, what: str, words: list[str], folder: str, output: IO[str]) -> None:
     search_path = f"{ROOT / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}"
     begin = time.monotonic()
+    output.flush()  # the command writes to the same file
     try:
         code = subprocess.run(
             words,
             cwd=folder,
             env=os.environ | {"PATH": search_path},
             stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
             timeout=_TOO_LONG_S,
             check=False,
         ).returncode
     except subprocess.TimeoutExpired:
-        raise LieError(f"{page.name}:{number}: took more than {_TOO_LONG_S} s: say so, and it is not run") from None
+        raise LieError(f"{place}: took more than {_TOO_LONG_S} s: say so, and it is not run") from None
     if code != 0:
-        raise LieError(f"{page.name}:{number}: {what} exited with {code}")
-    print(f"({time.monotonic() - begin:.1f} s)", flush=True)
+        raise LieError(f"{place}: {what} exited with {code}")
+    output.seek(0, os.SEEK_END)
+    print(f"({time.monotonic() - begin:.1f} s)", file=output)
 
 
 if __name__ == "__main__":

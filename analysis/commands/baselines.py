@@ -234,8 +234,8 @@ def _several(summary: pd.DataFrame, *, cross_play: bool) -> str:
     against = ", against the champions of the other runs" if cross_play else ""
     lines = [f"Mean shares of fresh games won{against}", text_table(header, rows)]
     lines += [
-        f"{row['robots']}: champions win {compared((row['over'], row['low'], row['high']))} {row['kind']},"
-        f" in {row['better']} of {row['runs']} runs."
+        f"{row['robots']}: champions win {compared((row['over'], row['low'], row['high']))} {row['kind']};"
+        f" they are ahead in {row['better']} of {row['runs']} runs."
         for row in summary.to_dict("records")
     ]
     return "\n".join(lines)

@@ -116,8 +116,9 @@ class Evolved:
 
     def source(self, robot: str) -> tuple[Sequence[float], Sequence[float]]:
         """Return depths and nodes of ``TABLES``; nothing of a recipe that is not the dissertation's."""
-        key = self.setting, self.fitness, robot
-        return TABLES.get(key, ((), ())) if self.row["recipe"].startswith(_SOURCE) else ((), ())
+        recipe = self.row["recipe"]
+        key = recipe.removeprefix(_SOURCE), self.fitness, robot
+        return TABLES.get(key, ((), ())) if recipe.startswith(_SOURCE) else ((), ())
 
     def told(self, column: str) -> float:
         """Return a column of the study's table, NaN where the run has nothing there."""
@@ -142,10 +143,14 @@ def read_conditions(folder: Path) -> Conditions:
         InputError: there is none, or one of them is no run of evolution.
     """
     found: Conditions = {}
-    for path, row in finished_runs(folder):
+    finished = list(finished_runs(folder))
+    recipes = {row["recipe"] for _, row in finished}
+    for path, row in finished:
         names = list(row)
         varied = {name: row[name] for name in names[: names.index("run")] if name not in _WHO}
-        one = Evolved(row["recipe"].removeprefix(_SOURCE), varied, row, open_run(path))
+        setting = row["recipe"].removeprefix(_SOURCE)
+        setting = row["recipe"] if setting in recipes else setting  # a preset of that name is another setting
+        one = Evolved(setting, varied, row, open_run(path))
         if not one.run.is_finished:
             raise InputError(f"{path} is in the table of the study, but not finished; run 'coevo study' again")
         found.setdefault(one.condition, []).append(one)
@@ -250,14 +255,18 @@ def play(conditions: Conditions) -> Report:
         games = runs[0].run.config.evaluation.games
         for robot in runs[0].run.evolving.values():
             last = [(all_rows := one.run.generations)[all_rows["robot"] == robot].iloc[-1] for one in runs]
-            told = [mean_words([float(row[count]) / games for row in last]) for count in _COUNTS]
+            told = [mean_words([float(row[count]) / games for row in last if count in row]) for count in _COUNTS]
             rows.append([name, str(len(runs)), robot, *told])
     return {"play": (["condition", "runs", "robot", *_COUNTS.values()], rows)}
 
 
 def _most(one: Evolved) -> str:
-    """Return how most decided games between the last champions of a run end."""
-    return max(PATTERNS[:-1], key=lambda pattern: one.told(settled_name(pattern)))
+    """Return how most decided games between the last champions of a run end; time-outs if none was decided."""
+    shares = {pattern: one.told(settled_name(pattern)) for pattern in PATTERNS}
+    if any(np.isnan(share) for share in shares.values()):
+        return ""  # a game of one's own may not tell
+    most = max(PATTERNS[:-1], key=lambda pattern: shares[pattern])
+    return most if shares[most] > 0.0 else PATTERNS[-1]
 
 
 def late_and_early(conditions: Conditions) -> Report:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from coevo.config import EvolutionSettings
 from coevo.errors import InputError
 from coevo.run import Run, open_run
 
-__all__ = ["group_names", "open_runs", "run_names"]
+__all__ = ["check_apart", "group_names", "open_runs", "run_names", "unfinished"]
 
 _MOST_LETTERS = 40  # of a value in a name
 _MOST_SETTINGS = 3  # that a group's name tells
@@ -34,6 +34,32 @@ def open_runs(runs: str | Path | Run | Sequence[str | Path | Run]) -> list[Run]:
     if twice is not None:
         raise InputError(f"{twice} is named twice; name each run once")
     return opened
+
+
+def check_apart(runs: Sequence[Run]) -> None:
+    """Refuse runs that are counted as several and are the same: a copy says nothing new.
+
+    Raises:
+        InputError: two have the same settings and seed.
+    """
+    known: dict[str, Run] = {}
+    for run in runs:
+        same = known.setdefault(json.dumps(msgspec.to_builtins(run.config), sort_keys=True), run)
+        if same is not run:
+            raise InputError(
+                f"{run.path} and {same.path} have the same settings and seed, and would count as two runs: name one of"
+                " them"
+            )
+
+
+def unfinished(runs: Iterable[Run]) -> list[str]:
+    """Return a line for each run whose last champions are not those of the last generation that was asked for."""
+    return [
+        f"{run.path} is not finished: its last champions are those of generation {run.finished} of"
+        f" {run.config.gp.generations}"
+        for run in runs
+        if not run.is_finished
+    ]
 
 
 def run_names(runs: Sequence[Run]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,7 +80,9 @@ def check_comparable(run: Run, team: int | None, beside: Run | None, met: Sequen
         if one.finished < 1:
             raise InputError(f"{one.path} has no finished generation yet; go on with 'coevo resume {one.path}'")
         if not same_game([run, one]):
-            raise InputError(f"{one.path} is about another game than {run.path}: their champions cannot meet")
+            raise InputError(
+                f"{one.path} is about another game than {run.path}, or has other skills: their champions cannot meet"
+            )
 
 
 def table(
@@ -240,30 +242,33 @@ class _Kept:
         return [Measured(*(kept[f"{what}_{d}"] for what in ("won", "lost", "passes", "steps"))) for d in digests]
 
 
-def over_runs(tables: pd.DataFrame) -> pd.DataFrame:
+def over_runs(tables: pd.DataFrame, groups: Mapping[str, str] | None = None) -> pd.DataFrame:
     """Return the champions of several runs beside their baselines: the unit is a run, not a game.
 
     Args:
         tables: of ``table``, of one run or of several, one under the other.
+        groups: the group of each run, by its ``run`` in the tables; by default all are one, which has no name.
 
     Returns:
-        A row a side and kind of baseline: ``robots``, ``kind``, ``runs``, ``champions`` and ``share`` (mean shares of
-        games won, of the champions and of the baseline), ``over``, ``low``, ``high`` (mean of the differences with its
-        interval over runs), ``better`` (in how many runs the champions were ahead). Then the same of games lost, as
-        some are nobody's: ``champions_lost`` and ``lost`` (mean shares), ``less``, ``less_low``, ``less_high`` (by how
-        much less the champions lose), ``safer`` (in how many runs they lose less).
+        A row a group, side and kind of baseline: ``group``, ``robots``, ``kind``, ``runs``, ``champions`` and ``share``
+        (mean shares of games won, of the champions and of the baseline), ``over``, ``low``, ``high`` (mean of the
+        differences with its interval over runs), ``better`` (in how many runs the champions were ahead). Then the same
+        of games lost, as some are nobody's: ``champions_lost`` and ``lost`` (mean shares), ``less``, ``less_low``,
+        ``less_high`` (by how much less the champions lose), ``safer`` (in how many runs they lose less).
     """
     rows = []
     chosen = tables[tables["chosen"]]
     evolved = chosen[chosen["kind"] == "champions"]
     ours_lost = {(row["run"], row["robots"]): float(row["lost"]) for row in evolved.to_dict("records")}
-    for (robots, kind), of in chosen[chosen["kind"] != "champions"].groupby(["robots", "kind"], sort=False):
+    of_group = chosen["run"].map(groups) if groups is not None else pd.Series("", index=chosen.index)
+    simpler = chosen.assign(group=of_group)[chosen["kind"] != "champions"]
+    for (group, robots, kind), of in simpler.groupby(["group", "robots", "kind"], sort=False):
         over, lost = of["over"].to_numpy(np.float64), of["lost"].to_numpy(np.float64)
         ours = np.array([ours_lost[run, robots] for run in of["run"]])
         shares = (float((of["share"] + of["over"]).mean()), float(of["share"].mean()))
         won = (*shares, *_interval(over), int((over > 0.0).sum()))
-        rows.append((robots, kind, len(of), *won, *_of_lost(ours, lost)))
-    columns = ["robots", "kind", "runs", "champions", "share", "over", "low", "high", "better"]
+        rows.append((group, robots, kind, len(of), *won, *_of_lost(ours, lost)))
+    columns = ["group", "robots", "kind", "runs", "champions", "share", "over", "low", "high", "better"]
     columns += ["champions_lost", "lost", "less", "less_low", "less_high", "safer"]
     return pd.DataFrame(rows, columns=columns)
 

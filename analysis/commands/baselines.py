@@ -93,10 +93,11 @@ def baselines(
     """
     import pandas as pd
 
-    from analysis.baselines.compare import check_comparable, equal_games, over_runs, table
+    from analysis.baselines.compare import check_comparable, over_runs, table
     from analysis.baselines.hand_typed import hand_typed_of, read_hand_typed
     from analysis.charts import check_out, save
-    from analysis.groups import open_runs
+    from analysis.groups import check_apart, group_names, open_runs, run_names
+    from coevo.contest import evolving_teams
     from coevo.evolution.evaluation import Evaluator, check_backend
     from coevo.game import prepare
 
@@ -104,6 +105,7 @@ def baselines(
     if out is not None:
         check_out(out, (".csv",))
     runs = open_runs(folders)
+    check_apart(runs)
     if cross_play and len(runs) < 2:
         raise InputError(
             "expected two runs or more with --cross-play, as the champions of each meet those of the others"
@@ -113,8 +115,7 @@ def baselines(
     typed = [hand_typed_of(run) if hand is None else read_hand_typed(run.game, hand) for run in runs]
     for run, other, opponents in zip(runs, others, met, strict=True):
         check_comparable(run, team, other, opponents)
-        if other is not None and not equal_games(run, other):
-            note(f"{other.path} did not play as many games as {run.path}", quiet=quiet)
+    _note_unequal(runs, others, quiet=quiet)
     frames = []
 
     def tell(text: str) -> None:
@@ -133,18 +134,34 @@ def baselines(
     found = pd.concat(frames, ignore_index=True)
     if out is not None:
         save(None, found, out)
-    summary = over_runs(found)
+    names = group_names(runs)
+    groups = {str(run.path): names[name] for run, name in zip(runs, run_names(runs), strict=True)}
     data = {
-        "games": games,
+        "games": int(found["games"].max()),  # a few more than were asked for where opponents share them
         "search_games": search_games,
         "depth": depth,
         "cross_play": cross_play,
         "teams": _plain(found),
     }
     if len(runs) > 1:
+        summary = over_runs(found, groups)
         data["over_runs"] = _plain(summary)
-    text = _several(summary, cross_play=cross_play) if len(runs) > 1 else _one(found)
+        text = _several(summary, cross_play=cross_play)
+    else:
+        text = _one(found, contest=len(evolving_teams(runs[0].game)) > 1)
     show(data, text + ("" if out is None else f"\nWritten: {out}"), as_json=as_json)
+
+
+def _note_unequal(runs: Sequence[Run], others: Sequence[Run | None], *, quiet: bool) -> None:
+    """Say which runs are not finished, and which play fewer or more games than the run that they are put beside."""
+    from analysis.baselines.compare import equal_games
+    from analysis.groups import unfinished
+
+    for text in unfinished({one.path: one for one in (*runs, *others) if one is not None}.values()):
+        note(text, quiet=quiet)
+    for run, other in zip(runs, others, strict=True):
+        if other is not None and not equal_games(run, other):
+            note(f"{other.path} did not play as many games as {run.path}", quiet=quiet)
 
 
 def _paired(runs: Sequence[Run], beside: Sequence[Path]) -> list[Run | None]:
@@ -168,14 +185,13 @@ def _plain(found: pd.DataFrame) -> list[dict[str, Any]]:
     ]
 
 
-def _one(found: pd.DataFrame) -> str:
+def _one(found: pd.DataFrame, *, contest: bool) -> str:
     """Return the rows of one run, a table a side, and a sentence for each baseline."""
     from analysis.report.words import compared
 
     parts = []
-    sides = list(found.groupby("robots", sort=False))
-    against = " against the same opponents" if len(sides) > 1 else ""
-    for robots, of in sides:
+    against = " against the same opponents" if contest else ""
+    for robots, of in found.groupby("robots", sort=False):
         header = [str(robots), "won [95 %]", "lost", "time out", "champions ahead by"]
         parts.append(f"Shares of {of['games'].iloc[0]} fresh games, the same of all{against}:")
         parts.append(text_table(header, [_cells(row) for row in of.to_dict("records")]))
@@ -217,9 +233,14 @@ def _several(summary: pd.DataFrame, *, cross_play: bool) -> str:
     """Return what runs came to: the interval is over runs."""
     from analysis.report.words import compared
 
+    several = len(set(summary["group"])) > 1
+
+    def who(row: Mapping[Any, Any]) -> str:
+        return f"{row['group']}: {row['robots']}" if several else row["robots"]
+
     rows = [
         [
-            f"{row['robots']}: {row['kind']}",
+            f"{who(row)}: {row['kind']}",
             str(row["runs"]),
             f"{row['champions']:.3f}",
             f"{row['share']:.3f}",
@@ -234,7 +255,7 @@ def _several(summary: pd.DataFrame, *, cross_play: bool) -> str:
     against = ", against the champions of the other runs" if cross_play else ""
     lines = [f"Mean shares of fresh games won{against}", text_table(header, rows)]
     lines += [
-        f"{row['robots']}: champions win {compared((row['over'], row['low'], row['high']))} {row['kind']};"
+        f"{who(row)}: champions win {compared((row['over'], row['low'], row['high']))} {row['kind']};"
         f" they are ahead in {row['better']} of {row['runs']} runs."
         for row in summary.to_dict("records")
     ]

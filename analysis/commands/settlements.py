@@ -50,7 +50,7 @@ def settlements(
     import pandas as pd
 
     from analysis.charts import check_out, save
-    from analysis.groups import group_names, open_runs, run_names
+    from analysis.groups import check_apart, group_names, open_runs, run_names, unfinished
     from analysis.settlements import over_runs
     from coevo.evolution.evaluation import Evaluator, check_backend
     from coevo.game import prepare
@@ -60,8 +60,11 @@ def settlements(
     if out is not None:
         check_out(out, (".csv",))
     runs = open_runs(folders)
+    check_apart(runs)
     for run in runs:
         check_settled(run)
+    for text in unfinished(runs):
+        note(text, quiet=quiet)
     prepare(runs[0].config, lambda text: note(text, quiet=quiet))
     found = []
     for run in runs:

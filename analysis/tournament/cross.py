@@ -6,6 +6,7 @@ and from the same starts.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 
 import msgspec
@@ -27,15 +28,24 @@ _HOW = {"name", "seed", "gp", "fitness", "evaluation", "levels", "hand_typed"}
 
 
 def same_game(runs: Sequence[Run]) -> bool:
-    """Return whether runs are about the same game, so that their champions can meet."""
+    """Return whether runs are about the same game, played with the same skills, so that their champions can meet.
 
-    def about(run: Run) -> bytes:
-        config = run.config
-        assert isinstance(config, (RunSettings, ForeignSettings))
-        parts = {name: value for name, value in msgspec.to_builtins(config).items() if name not in _HOW}
-        return msgspec.json.encode(parts, order="sorted")
+    Skills are the same by their digests, wherever they lay when a run was begun; so is the code of a game of one's own.
+    """
+    return len({_about(run) for run in runs}) == 1
 
-    return len({about(run) for run in runs}) == 1
+
+def _about(run: Run) -> bytes:
+    config = run.config
+    assert isinstance(config, (RunSettings, ForeignSettings))
+    parts = {name: value for name, value in msgspec.to_builtins(config).items() if name not in _HOW}
+    digests = json.loads(run.environment or "{}")  # a run of an older version may have none
+    if isinstance(config, RunSettings):
+        parts["skills"] |= {name: of for name, of in digests.get("skills", {}).items() if parts["skills"].get(name)}
+    else:
+        module = str(config.game["kind"]).partition(":")[0]
+        parts["module"] = digests.get("own_modules", {}).get(f"{module}.py")
+    return msgspec.json.encode(parts, order="sorted")
 
 
 def cross_play(runs: Sequence[Run], names: Sequence[str], evaluator: Evaluator, *, games: int) -> pd.DataFrame:
@@ -55,7 +65,7 @@ def cross_play(runs: Sequence[Run], names: Sequence[str], evaluator: Evaluator, 
         InputError: the runs are about different games.
     """
     if not same_game(runs):
-        raise InputError("champions of different games cannot meet; give runs whose game and world are the same")
+        raise InputError("champions of different games cannot meet; give runs of the same game, world and skills")
     game, root = runs[0].game, runs[0].config.seed
     last = [champions(run, run.finished - 1) for run in runs]
     teams = evolving_teams(game)

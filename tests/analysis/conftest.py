@@ -55,6 +55,21 @@ def small_run(small_run, tmp_path_factory):
     return open_run(Path(shutil.copytree(small_run.path, tmp_path_factory.mktemp("kept") / "run")))
 
 
+@pytest.fixture
+def begun(go_on):
+    """Return a function that stops a run after its first generation."""
+
+    def stop(_):
+        raise KeyboardInterrupt
+
+    def bring(run):
+        with pytest.raises(KeyboardInterrupt):
+            go_on(run, report=stop)
+        return open_run(run.path)
+
+    return bring
+
+
 @pytest.fixture(scope="session")
 def ladder(tmp_path_factory):
     """Return a function that evolves the ladder: of some teams, by skill and luck."""

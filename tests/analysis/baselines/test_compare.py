@@ -133,7 +133,9 @@ def test_in_cross_play_opponents_are_the_champions_of_the_other_runs_alone(team,
 
 
 def test_in_cross_play_another_team_must_evolve(coevo, tmp_path):
-    runs = [create_run(tmp_path / name, read_experiment("two-learners")).path for name in ("a", "b")]
+    runs = [
+        create_run(tmp_path / f"run{seed}", read_experiment("two-learners", [f"seed={seed}"])).path for seed in (0, 1)
+    ]
     said = coevo("baselines", *runs, "--cross-play")
     assert (said.code, said.out) == (2, "")
     assert f"only one team evolves in {runs[0]}" in said.err
@@ -212,6 +214,14 @@ def test_over_runs_a_run_counts_once_whatever_its_games():
     assert row["less_low"] < -0.2 < row["less_high"] < 0.0
     assert row["safer"] == 0
     assert (other["robots"], other["less"], other["safer"]) == ("r2", pytest.approx(0.2), 4)
+    apart = over_runs(tables, {"a": "x", "b": "y", "c": "x", "d": "y"}).to_dict("records")
+    assert [(of["group"], of["robots"], of["runs"]) for of in apart] == [
+        ("x", "r0", 2),
+        ("y", "r0", 2),
+        ("x", "r2", 2),
+        ("y", "r2", 2),
+    ]
+    assert [of["over"] for of in apart] == pytest.approx([0.0, 0.2, 0.0, 0.2])
 
 
 def test_a_recipe_may_hold_teams_and_a_shipped_one_of_the_same_name_gives_way(coevo, small_run, tmp_path):
@@ -269,12 +279,35 @@ def test_the_command_tells_one_run_and_several(coevo, runs, tmp_path):
     assert "Shares of 30 fresh games" in one.out
     assert one.out.count("The champions win") == 8
     out = tmp_path / "all.csv"
-    several = coevo("baselines", run.path, random.path, *few, "--team", 1, "--json", "--out", out)
-    data = json.loads(several.out)
+    several = [
+        coevo("baselines", run.path, random.path, *few, "--team", 1, "--out", out, *m) for m in ((), ("--json",))
+    ]
+    data = json.loads(several[1].out)
     assert {row["run"] for row in data["teams"]} == {str(run.path), str(random.path)}
     assert {row["robots"] for row in data["over_runs"]} == {"r2"}
-    assert [row["runs"] for row in data["over_runs"]] == [2, 2, 2]
+    groups = [
+        "smoke gp.variation=genetic",
+        "smoke gp.variation=random",
+    ]  # which evolved is not averaged with which did not
+    assert [(row["group"], row["runs"]) for row in data["over_runs"]] == [
+        (name, 1) for name in groups for _ in range(3)
+    ]
+    assert f"{groups[1]}: r2: champions win" in several[0].out
     assert len(pd.read_csv(out)) == len(data["teams"])
+
+
+def test_who_is_not_finished_is_told_and_a_copy_is_no_other_run(coevo, runs, small_settings, begun, tmp_path):
+    run = runs[0]
+    part = begun(create_run(tmp_path / "part", small_settings("skills.pass=", "skills.avoid=", "seed=7")))
+    few = ("--games", 10, "--search-games", 300, "--team", 1)
+    said = coevo("baselines", run.path, *few, "--beside", part.path)
+    assert said.err.count("is not finished") == 1
+    assert f"{part.path} is not finished: its last champions are those of generation 1 of 3" in said.err
+    assert "the same of all against the same opponents:" in said.out
+    copied = shutil.copytree(run.path, tmp_path / "copy")
+    refused = coevo("baselines", run.path, copied, *few)
+    assert (refused.code, refused.out) == (2, "")
+    assert f"{copied} and {run.path} have the same settings and seed" in refused.err
 
 
 @pytest.mark.parametrize(

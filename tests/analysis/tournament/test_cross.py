@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from coevo.evolution.evaluation import Evaluator
 from coevo.game import SoccerGame
 from coevo.run import create_run
 from coevo.seeds import RunStream, game_seeds
+from coevo.skill import skill_path
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +52,18 @@ def test_only_champions_of_one_game_meet(three_runs, small_settings, go_on, tmp_
     with pytest.raises(InputError, match="champions of different games cannot meet"):
         meet([three_runs[0], longer])
     assert not same_game([ladder(2), ladder(2, luck=1.0)])
+
+
+def test_skills_are_the_same_by_what_they_do_and_not_by_where_they_lay(three_runs, small_settings, tmp_path):
+    """One file changes between two runs; another is a copy of what the others play with."""
+    mine = tmp_path / "mine.npz"
+    runs = []
+    for name in ("shoot", "search"):
+        shutil.copy(skill_path(name), mine)
+        runs.append(create_run(tmp_path / name, small_settings(f"skills.shoot={mine}")))
+    assert same_game([three_runs[0], runs[0]])
+    assert not same_game(runs)
+    assert not same_game([three_runs[0], runs[1]])
 
 
 def test_runs_with_levels_meet_those_without_in_the_game_of_the_recipe(three_runs, small_settings, go_on, tmp_path):

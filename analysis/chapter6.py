@@ -225,11 +225,13 @@ def _beside_the_first(conditions: Conditions) -> Iterator[tuple[list[Evolved], l
 def endings(conditions: Conditions) -> Report:
     """Return how games between the last champions end, the ratio of 6.4.3, and since when another side is ahead.
 
-    The ratio is in the mean over the runs that have games of either kind; take-overs are a share of runs with
+    Games that do not count what patterns are told by have no row. The ratio is in the mean over the runs that have games of either kind; take-overs are a share of runs with
     Wilson's interval, and the mean of their generations.
     """
     rows: Rows = []
     for name, runs in conditions.items():
+        if any(np.isnan(one.told(settled_name(of))) for one in runs for of in PATTERNS):
+            continue  # a game of one's own may not tell
         shares = [mean_words([one.told(settled_name(of)) for one in runs], most=1.0) for of in PATTERNS]
         ratios = [of for one in runs if not np.isnan(of := one.told("settled_ratio"))]
         most = [_most(one) for one in runs]
@@ -263,8 +265,6 @@ def play(conditions: Conditions) -> Report:
 def _most(one: Evolved) -> str:
     """Return how most decided games between the last champions of a run end; time-outs if none was decided."""
     shares = {pattern: one.told(settled_name(pattern)) for pattern in PATTERNS}
-    if any(np.isnan(share) for share in shares.values()):
-        return ""  # a game of one's own may not tell
     most = max(PATTERNS[:-1], key=lambda pattern: shares[pattern])
     return most if shares[most] > 0.0 else PATTERNS[-1]
 
@@ -340,7 +340,9 @@ def figures(conditions: Conditions) -> dict[str, alt.VConcatChart]:
     for setting, evolved in settings.items():
         opened = [one.run for one in evolved]
         groups = dict(zip(run_names(opened), (one.arm for one in evolved), strict=True))
-        curves = choose(table(opened), _MEASURES, ("best", "mean"))
+        measured = table(opened)
+        known = set(measured["measure"])  # a game of one's own need not count goals
+        curves = choose(measured, [name for name in _MEASURES if name in known], ("best", "mean"))
         told = (
             f"best (by fitness) and mean of a generation; means over runs ({len(opened)} in all), bands: 95 % intervals"
         )

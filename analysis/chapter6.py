@@ -225,8 +225,8 @@ def _beside_the_first(conditions: Conditions) -> Iterator[tuple[list[Evolved], l
 def endings(conditions: Conditions) -> Report:
     """Return how games between the last champions end, the ratio of 6.4.3, and since when another side is ahead.
 
-    Games that do not count what patterns are told by have no row. The ratio is in the mean over the runs that have games of either kind; take-overs are a share of runs with
-    Wilson's interval, and the mean of their generations.
+    Games that do not count what patterns are told by have no row. The ratio is in the mean over the runs that have
+    games of either kind; take-overs are a share of runs with Wilson's interval, and the mean of their generations.
     """
     rows: Rows = []
     for name, runs in conditions.items():

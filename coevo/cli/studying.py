@@ -71,22 +71,34 @@ def study(
              coevo study chapter4/shoot-study chapter4/avoid-study chapter4/defender-study
              coevo study chapter6/presets --only '*-genetic-*'
     """
+    from coevo.study.folder import check_folder
     from coevo.study.plan import read_plan, study_name
 
     if out is not None and len(sources) > 1:
         raise InputError(f"--out is the folder of one study, and {len(sources)} are given; leave it out")
     plans = [_plan(source, seeds, is_first=number == 0, quiet=quiet) for number, source in enumerate(sources)]
+    paths = [out if out is not None else Path("runs") / study_name(source) for source in sources]
+    _check_apart(sources, paths)
+    _check_patterns(plans, only)
+    for path, plan in zip(paths, plans, strict=True):
+        if plan is not None:
+            check_folder(path, plan)
     told = []
-    for source, plan in zip(sources, plans, strict=True):
+    for number, (source, path) in enumerate(zip(sources, paths, strict=True)):
         if len(sources) > 1:
             note(f"\n{source}", quiet=quiet)
-        path = out if out is not None else Path("runs") / study_name(source)
-        read = plan or read_plan(source, seeds)
+        read = plans[number] or read_plan(source, seeds)
+        plans[number] = read
+        _check_patterns(plans, only)
+        chosen = _chosen(read, only)
+        if not chosen:
+            note(f"None of its runs matches --only; it stays as it is: {path}", quiet=quiet)
+            continue
         for text in read.without_effect:
             note(f"Beware: {text}")
-        told.append(_do(read, path, _chosen(read, only), workers, scheduler, as_json=as_json, quiet=quiet))
+        told.append(_do(read, path, chosen, workers, scheduler, as_json=as_json, quiet=quiet))
     if as_json:
-        emit(told[0] if len(told) == 1 else {"studies": told})
+        emit(told[0] if len(sources) == 1 else {"studies": told})
     if any(one["failed"] for one in told):
         raise click.exceptions.Exit(1)
 
@@ -104,19 +116,32 @@ def _plan(source: str, seeds: int | None, *, is_first: bool, quiet: bool) -> Pla
         return None
 
 
-def _chosen(plan: Plan, patterns: Sequence[str]) -> frozenset[str]:
-    """Return the names of the runs that match a pattern; of all, if there is none.
+def _check_apart(sources: Sequence[str], paths: Sequence[Path]) -> None:
+    """Refuse studies that would go into one folder."""
+    found: dict[Path, str] = {}
+    for source, path in zip(sources, paths, strict=True):
+        first = found.get(path.resolve())
+        if first == source:
+            raise InputError(f"{source} is given twice; give it once")
+        if first is not None:
+            raise InputError(
+                f"{first} and {source} would both go into {path}; do them one at a time, with an --out for one of them"
+            )
+        found[path.resolve()] = source
 
-    Raises:
-        InputError: a pattern matches no run.
-    """
-    names = [run.name for run in plan.runs]
-    if not patterns:
-        return frozenset(names)
+
+def _check_patterns(plans: Sequence[Plan | None], patterns: Sequence[str]) -> None:
+    """Refuse a pattern that matches no run of any study, as soon as all of them are read."""
+    names = [run.name for plan in plans if plan is not None for run in plan.runs]
     for pattern in patterns:
-        if not fnmatch.filter(names, pattern):
+        if None not in plans and not fnmatch.filter(names, pattern):
             raise InputError(f"--only {pattern}: no run is called so; the first are {', '.join(names[:3])}")
-    return frozenset(name for pattern in patterns for name in fnmatch.filter(names, pattern))
+
+
+def _chosen(plan: Plan, patterns: Sequence[str]) -> frozenset[str]:
+    """Return the names of the runs that match a pattern; of all, if there is none."""
+    names = [run.name for run in plan.runs]
+    return frozenset(name for pattern in patterns or ["*"] for name in fnmatch.filter(names, pattern))
 
 
 def _do(

@@ -174,6 +174,9 @@ def _do(
         waiting = [run for run in plan.runs if run.name not in rows and run.name in chosen]
         skipped = len(rows)
         note(f"{len(waiting)} runs to do, {skipped} are done: {path}", quiet=quiet)
+        _tell_left(folder, chosen, rows, quiet=quiet)
+        # Failures of runs that are not tried now still stand.
+        standing = {name: why for name, why in folder.failures.items() if name not in chosen | rows.keys()}
         failed: dict[str, str] = {}
         if waiting:
             if client is None:
@@ -183,14 +186,14 @@ def _do(
             tasks = [task_of(folder, run) for run in waiting]
             ended = on_cores(tasks, workers) if client is None else cluster.on_cluster(client, tasks)
             try:
-                failed = _collect(folder, rows, len(waiting), ended, quiet=quiet)
+                failed = _collect(folder, rows, standing, len(waiting), ended, quiet=quiet)
             except KeyboardInterrupt:
                 folder.leave()
                 note(f"Stopped; {len(rows)} of {len(plan.runs)} runs are done, and what others have done is saved.")
                 note("Go on with the same command.")
                 raise
         else:
-            folder.write_tables(rows, failed)  # it may have been stopped when all was done but this
+            folder.write_tables(rows, standing)  # it may have been stopped when all was done but this
         return _show(folder, rows, failed, skipped, as_json=as_json)
 
 
@@ -202,10 +205,33 @@ def _prepare(runs: Sequence[PlannedRun], *, quiet: bool) -> None:
         kind_named(kind).warm_up(run.settings, lambda text: note(text, quiet=quiet))
 
 
+def _tell_left(
+    folder: StudyFolder, chosen: frozenset[str], rows: Mapping[str, Mapping[str, Cell]], *, quiet: bool
+) -> None:
+    """Say which finished runs the table will lack, as they are not measured anew now."""
+    others = [run for run in folder.plan.runs if run.name not in chosen and run.name not in rows]
+    left = [run.name for run in others if folder.is_measured_otherwise(run)]
+    if left:
+        note(
+            f"{len(left)} finished runs, such as {left[0]}, are to be measured anew and do not match --only: the table"
+            " is incomplete until 'coevo study' is called without it",
+            quiet=quiet,
+        )
+
+
 def _collect(
-    folder: StudyFolder, rows: dict[str, Mapping[str, Cell]], waiting: int, ended: Iterator[Done], *, quiet: bool
+    folder: StudyFolder,
+    rows: dict[str, Mapping[str, Cell]],
+    standing: Mapping[str, str],
+    waiting: int,
+    ended: Iterator[Done],
+    *,
+    quiet: bool,
 ) -> dict[str, str]:
-    """Add the rows of runs as they end, and write the tables now and then; return why runs failed, by their names."""
+    """Add the rows of runs as they end, and write the tables now and then; return why runs failed, by their names.
+
+    ``standing`` are failures of runs that are not tried now.
+    """
     failed: dict[str, str] = {}
     total, before = len(rows) + waiting, len(rows)
     began = written = time.monotonic()
@@ -221,10 +247,10 @@ def _collect(
                 how = f"done in {duration(done.seconds)}" if done.row is not None else f"failed: {done.failure}"
                 progress.step(f"{done.name} {how}  ({count} of {total}, {duration(left)} left)", done=count)
                 if now - written > _WRITE_EVERY_S:
-                    folder.write_tables(rows, failed)
+                    folder.write_tables(rows, {**standing, **failed})
                     written = time.monotonic()
     finally:
-        folder.write_tables(rows, failed)
+        folder.write_tables(rows, {**standing, **failed})
     return failed
 
 

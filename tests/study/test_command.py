@@ -276,6 +276,41 @@ def test_a_pattern_that_matches_nothing_is_told_and_nothing_is_made(coevo, study
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.usefixtures("here")
+def test_what_failed_stands_while_other_runs_are_done(coevo, study_file, tmp_path):
+    (tmp_path / "own.py").write_text(FAILS)
+    shutil.copy(recipe_path("smoke", "evolution"), tmp_path / "small.toml")
+    study = study_file('recipes = ["small.toml"]\nseeds = 2', '[vary]\n"fitness.kind" = ["own:late", "fixed"]')
+    failed = tmp_path / "out" / "failed.csv"
+    assert coevo("study", study, "--out", tmp_path / "out", "--only", "*-late-seed1").code == 1
+    before = failed.read_bytes()
+    assert pd.read_csv(failed)["run"].tolist() == ["small-own-late-seed1"]
+    for only in ("*-fixed-seed0", "*-fixed-seed1", "*-fixed-*"):  # the last has nothing to do
+        assert coevo("study", study, "--out", tmp_path / "out", "--only", only).code == 0
+        assert failed.read_bytes() == before
+    assert coevo("study", study, "--out", tmp_path / "out", "--only", "*-late-seed0").code == 1
+    assert pd.read_csv(failed)["run"].tolist() == ["small-own-late-seed0", "small-own-late-seed1"]
+    assert coevo("study", study, "--out", tmp_path / "out").code == 1
+    assert pd.read_csv(failed)["run"].tolist() == ["small-own-late-seed0", "small-own-late-seed1"]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_table_that_lacks_what_only_left_is_incomplete_and_the_whole_study_completes_it(
+    done, coevo, study_file, monkeypatch
+):
+    monkeypatch.setitem(evolving._MEASURES, "extra", lambda of: {"extra": of.run.finished})
+    said = coevo("study", study_file(), "--out", done, "--only", "*-fixed-*")
+    assert said.code == 0
+    assert "2 finished runs, such as smoke-varying-seed0, are to be measured anew and do not match --only" in said.err
+    told = f"{done / 'table.csv'} is incomplete (it has no row of smoke-varying-seed0, which is finished)"
+    read = coevo("reproduce", "chapter6", done)
+    assert (read.code, f"{told}; 'coevo study' without --only completes it" in read.err) == (2, True)
+    again = coevo("study", study_file(), "--out", done)
+    assert (again.code, "measured anew" in again.err) == (0, False)
+    assert coevo("check", done).code == 0
+    assert pd.read_csv(done / "table.csv")["extra"].tolist() == [3] * 4
+
+
 @pytest.fixture
 def two_studies(study_file, tmp_path, monkeypatch):
     """Return two studies, whose folders are runs/mine and runs/other."""

@@ -23,7 +23,7 @@ import msgspec
 from coevo.config import check, read_toml, to_toml
 from coevo.errors import InputError
 from coevo.files import make_folder, read_text, read_whole, write_whole
-from coevo.folder import lock_folder
+from coevo.folder import SAME_COMMAND, lock_folder
 from coevo.seal import seal, unseal
 from coevo.soundness import Finding
 from coevo.study.kinds import Cell
@@ -344,7 +344,7 @@ def open_study(path: Path, plan: Plan) -> StudyFolder:
     recipes = path / RECIPES
     with _Writing(path):
         make_folder(path)
-        release = lock_folder(path)
+        release = lock_folder(path, SAME_COMMAND)
         write_whole(path / STUDY, to_toml(plan.record).encode())
         wanted = {f"{name}.toml": file for name, file in plan.files.items()}
         wanted |= {file.name: file for file in plan.own_files}

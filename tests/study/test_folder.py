@@ -273,6 +273,12 @@ def test_a_folder_that_another_process_directs_is_refused(folder, plan):
     open_study(folder.path, plan).close()
 
 
+def test_a_lock_that_cannot_be_written_is_told_with_the_command_of_studies(plan, tmp_path):
+    (tmp_path / "locked" / ".lock").mkdir(parents=True)
+    with pytest.raises(InputError, match=r"cannot write .*locked.*; mend this and give the same command again$"):
+        open_study(tmp_path / "locked", plan)
+
+
 def test_flags_of_those_who_were_killed_go(folder, plan):
     left = folder.flag
     folder._release()  # as of a process that is gone

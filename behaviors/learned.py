@@ -16,7 +16,7 @@ from coevo.config import to_toml
 from coevo.console import put_off_interrupt
 from coevo.errors import InputError
 from coevo.files import make_folder, write_whole
-from coevo.folder import held
+from coevo.folder import SAME_COMMAND, held
 from coevo.seal import seal, unseal
 from coevo.skill import Skill, load_skill, read_card
 
@@ -59,7 +59,7 @@ def held_folder(folder: Path) -> Iterator[None]:
     """
     with writing(folder):
         make_folder(folder)
-    with held(folder):
+    with held(folder, then=SAME_COMMAND):
         yield
 
 

@@ -26,32 +26,45 @@ from coevo.files import (
     write_whole,
 )
 
-__all__ = ["Folder", "held", "lock_folder", "read_lines", "read_table", "save_lines", "save_whole", "writing"]
+__all__ = [
+    "SAME_COMMAND",
+    "Folder",
+    "held",
+    "lock_folder",
+    "read_lines",
+    "read_table",
+    "save_lines",
+    "save_whole",
+    "writing",
+]
 
 
 _MOST_VALUES = 100_000_000  # of a table
 _PATIENCE_S = 20.0  # for another process that keeps a result
+_RESUME = "go on with 'coevo resume'"
+SAME_COMMAND = "give the same command again"
+_ASK = f"{SAME_COMMAND}; after 'coevo evolve', 'coevo resume'"  # commands of many names keep results
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Turn failures of writing into messages for the user."""
+def writing(path: Path, then: str = _RESUME) -> Iterator[None]:
+    """Turn failures of writing into messages for the user; ``then`` says what to do when it is mended."""
     try:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(
-            f"cannot write {path}: {reason}. What was saved before is intact; mend this and go on with 'coevo resume'"
+            f"cannot write {path}: {reason}. What was saved before is intact; mend this and {then}"
         ) from None
 
 
-def lock_folder(path: Path) -> Callable[[], None]:
-    """Keep other processes from writing into a folder; return what lets go of it.
+def lock_folder(path: Path, then: str = _RESUME) -> Callable[[], None]:
+    """Keep other processes from writing into a folder; return what lets go of it; ``then`` as for ``writing``.
 
     Raises:
         InputError: another process holds it, or it cannot be written.
     """
-    with writing(path):
+    with writing(path, then):
         try:
             return lock(path / ".lock")
         except BlockingIOError:
@@ -59,12 +72,12 @@ def lock_folder(path: Path) -> Callable[[], None]:
 
 
 @contextmanager
-def held(path: Path, patience_s: float = 0.0) -> Iterator[None]:
+def held(path: Path, patience_s: float = 0.0, then: str = _RESUME) -> Iterator[None]:
     """Hold a folder as ``lock_folder`` does, and wait for another process that does for a while."""
     until = time.monotonic() + patience_s
     while True:
         try:
-            release = lock_folder(path)
+            release = lock_folder(path, then)
             break
         except InputError:
             if time.monotonic() >= until:
@@ -76,9 +89,9 @@ def held(path: Path, patience_s: float = 0.0) -> Iterator[None]:
         release()
 
 
-def save_whole(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all; what goes wrong is told in words."""
-    with writing(path):
+def save_whole(path: Path, data: bytes, then: str = _RESUME) -> None:
+    """Write a file whole or not at all; what goes wrong is told in words, ``then`` as for ``writing``."""
+    with writing(path, then):
         write_whole(path, data)
 
 
@@ -159,10 +172,10 @@ class Folder:
         told = {"run": np.frombuffer(self._identity, np.uint8), "name": np.frombuffer(name.encode(), np.uint8)}
         kept = {**arrays, **told}
         path = self.path / "results" / f"{name}.npz"
-        with writing(path):
+        with writing(path, _ASK):
             make_folder(path.parent, within=self.path)
-        with nullcontext() if self._keeps else held(path.parent, _PATIENCE_S):
-            save_whole(path, pack_arrays({**kept, "digest": digest_of(kept)}))
+        with nullcontext() if self._keeps else held(path.parent, _PATIENCE_S, _ASK):
+            save_whole(path, pack_arrays({**kept, "digest": digest_of(kept)}), _ASK)
 
     def result(self, name: str) -> dict[str, NDArray[Any]] | None:
         """Return what was kept under a name, None if nothing was.
@@ -194,9 +207,9 @@ class Folder:
             InputError: another process does so, or the folder cannot be written.
         """
         path = self.path / "results"
-        with writing(path):
+        with writing(path, _ASK):
             make_folder(path, within=self.path)
-        with held(path):
+        with held(path, then=_ASK):
             self._keeps = True
             try:
                 yield

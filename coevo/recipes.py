@@ -34,7 +34,17 @@ def _found() -> dict[str, Path]:
         for folder in _folders()
         for path in sorted([*folder.glob("*.toml"), *folder.glob("*/*.toml")])
     }
-    return {name: path for name, path in paths.items() if path.name != "config.toml"}
+    return {name: path for name, path in paths.items() if path.name != "config.toml" and not _is_record(path)}
+
+
+def _is_record(path: Path) -> bool:
+    """Tell whether a file is what a study has written about itself into its folder: that has its table, or will."""
+    if path.name != "study.toml":
+        return False
+    try:
+        return (path.parent / "table.csv").exists() or bool(read_toml(path).get("conditions"))
+    except InputError:
+        return False
 
 
 def recipe_names(kind: str) -> list[str]:

@@ -15,6 +15,8 @@ from coevo import recipes
 from coevo.config import RunSettings
 from coevo.errors import InputError
 from coevo.recipes import read_recipe, read_settings, recipe_names, recipe_path
+from coevo.study.folder import open_study
+from coevo.study.plan import read_plan
 
 KINDS = {"evolution": RunSettings, "skill": Recipe, "schedule": Schedule}
 NAMES = {
@@ -117,6 +119,26 @@ def test_a_broken_file_among_the_recipes_spoils_no_answer_and_none_hides_a_prese
     assert read_settings(RunSettings, "smoke").name == "smoke"
     with pytest.raises(InputError, match="Did you mean 'mine/own'"):
         read_recipe("mine/onw", "evolution")
+
+
+def test_what_a_study_has_left_is_no_recipe_but_a_study_file_of_that_name_is(tmp_path, monkeypatch):
+    package = tmp_path / "coevo"
+    shutil.copytree(recipe_path("smoke", "evolution").parent, package / "presets")
+    (tmp_path / "pyproject.toml").touch()
+    for name in ("chapter6", "before"):
+        (tmp_path / "runs" / name).mkdir(parents=True)
+        (tmp_path / "runs" / name / "study.toml").write_text("kind = 'study'\nrecipes = ['smoke']\n")
+    monkeypatch.setattr(recipes, "files", lambda _: package)
+    assert recipe_names("study") == ["before/study", "chapter6/study"]
+    (tmp_path / "runs" / "before" / "table.csv").touch()  # of a version whose record had no [conditions]
+    for name, ends in (("under-way", False), ("finished", True)):
+        folder = open_study(tmp_path / "runs" / name, read_plan("chapter6/study"))
+        if ends:
+            folder.write_tables({}, {})
+        folder.close()
+    assert recipe_names("study") == ["chapter6/study"]
+    with pytest.raises(InputError, match=r"no recipe 'finished/study'\. Did you mean 'chapter6/study'"):
+        recipe_path("finished/study", "study")
 
 
 def test_an_installed_wheel_finds_them_beside_the_presets(tmp_path, monkeypatch):

@@ -71,22 +71,34 @@ def study(
              coevo study chapter4/shoot-study chapter4/avoid-study chapter4/defender-study
              coevo study chapter6/presets --only '*-genetic-*'
     """
+    from coevo.study.folder import check_folder
     from coevo.study.plan import read_plan, study_name
 
     if out is not None and len(sources) > 1:
         raise InputError(f"--out is the folder of one study, and {len(sources)} are given; leave it out")
     plans = [_plan(source, seeds, is_first=number == 0, quiet=quiet) for number, source in enumerate(sources)]
+    paths = [out if out is not None else Path("runs") / study_name(source) for source in sources]
+    _check_apart(sources, paths)
+    _check_patterns(plans, only)
+    for path, plan in zip(paths, plans, strict=True):
+        if plan is not None:
+            check_folder(path, plan)
     told = []
-    for source, plan in zip(sources, plans, strict=True):
+    for number, (source, path) in enumerate(zip(sources, paths, strict=True)):
         if len(sources) > 1:
             note(f"\n{source}", quiet=quiet)
-        path = out if out is not None else Path("runs") / study_name(source)
-        read = plan or read_plan(source, seeds)
+        read = plans[number] or read_plan(source, seeds)
+        plans[number] = read
+        _check_patterns(plans, only)
+        chosen = _chosen(read, only)
+        if not chosen:
+            note(f"None of its runs matches --only; it stays as it is: {path}", quiet=quiet)
+            continue
         for text in read.without_effect:
             note(f"Beware: {text}")
-        told.append(_do(read, path, _chosen(read, only), workers, scheduler, as_json=as_json, quiet=quiet))
+        told.append(_do(read, path, chosen, workers, scheduler, as_json=as_json, quiet=quiet))
     if as_json:
-        emit(told[0] if len(told) == 1 else {"studies": told})
+        emit(told[0] if len(sources) == 1 else {"studies": told})
     if any(one["failed"] for one in told):
         raise click.exceptions.Exit(1)
 
@@ -104,19 +116,32 @@ def _plan(source: str, seeds: int | None, *, is_first: bool, quiet: bool) -> Pla
         return None
 
 
-def _chosen(plan: Plan, patterns: Sequence[str]) -> frozenset[str]:
-    """Return the names of the runs that match a pattern; of all, if there is none.
+def _check_apart(sources: Sequence[str], paths: Sequence[Path]) -> None:
+    """Refuse studies that would go into one folder."""
+    found: dict[Path, str] = {}
+    for source, path in zip(sources, paths, strict=True):
+        first = found.get(path.resolve())
+        if first == source:
+            raise InputError(f"{source} is given twice; give it once")
+        if first is not None:
+            raise InputError(
+                f"{first} and {source} would both go into {path}; do them one at a time, with an --out for one of them"
+            )
+        found[path.resolve()] = source
 
-    Raises:
-        InputError: a pattern matches no run.
-    """
-    names = [run.name for run in plan.runs]
-    if not patterns:
-        return frozenset(names)
+
+def _check_patterns(plans: Sequence[Plan | None], patterns: Sequence[str]) -> None:
+    """Refuse a pattern that matches no run of any study, as soon as all of them are read."""
+    names = [run.name for plan in plans if plan is not None for run in plan.runs]
     for pattern in patterns:
-        if not fnmatch.filter(names, pattern):
+        if None not in plans and not fnmatch.filter(names, pattern):
             raise InputError(f"--only {pattern}: no run is called so; the first are {', '.join(names[:3])}")
-    return frozenset(name for pattern in patterns for name in fnmatch.filter(names, pattern))
+
+
+def _chosen(plan: Plan, patterns: Sequence[str]) -> frozenset[str]:
+    """Return the names of the runs that match a pattern; of all, if there is none."""
+    names = [run.name for run in plan.runs]
+    return frozenset(name for pattern in patterns or ["*"] for name in fnmatch.filter(names, pattern))
 
 
 def _do(
@@ -149,6 +174,9 @@ def _do(
         waiting = [run for run in plan.runs if run.name not in rows and run.name in chosen]
         skipped = len(rows)
         note(f"{len(waiting)} runs to do, {skipped} are done: {path}", quiet=quiet)
+        _tell_left(folder, chosen, rows, quiet=quiet)
+        # Failures of runs that are not tried now still stand.
+        standing = {name: why for name, why in folder.failures.items() if name not in chosen | rows.keys()}
         failed: dict[str, str] = {}
         if waiting:
             if client is None:
@@ -158,14 +186,14 @@ def _do(
             tasks = [task_of(folder, run) for run in waiting]
             ended = on_cores(tasks, workers) if client is None else cluster.on_cluster(client, tasks)
             try:
-                failed = _collect(folder, rows, len(waiting), ended, quiet=quiet)
+                failed = _collect(folder, rows, standing, len(waiting), ended, quiet=quiet)
             except KeyboardInterrupt:
                 folder.leave()
                 note(f"Stopped; {len(rows)} of {len(plan.runs)} runs are done, and what others have done is saved.")
                 note("Go on with the same command.")
                 raise
         else:
-            folder.write_tables(rows, failed)  # it may have been stopped when all was done but this
+            folder.write_tables(rows, standing)  # it may have been stopped when all was done but this
         return _show(folder, rows, failed, skipped, as_json=as_json)
 
 
@@ -177,10 +205,33 @@ def _prepare(runs: Sequence[PlannedRun], *, quiet: bool) -> None:
         kind_named(kind).warm_up(run.settings, lambda text: note(text, quiet=quiet))
 
 
+def _tell_left(
+    folder: StudyFolder, chosen: frozenset[str], rows: Mapping[str, Mapping[str, Cell]], *, quiet: bool
+) -> None:
+    """Say which finished runs the table will lack, as they are not measured anew now."""
+    others = [run for run in folder.plan.runs if run.name not in chosen and run.name not in rows]
+    left = [run.name for run in others if folder.is_measured_otherwise(run)]
+    if left:
+        note(
+            f"{len(left)} finished runs, such as {left[0]}, are to be measured anew and do not match --only: the table"
+            " is incomplete until 'coevo study' is called without it",
+            quiet=quiet,
+        )
+
+
 def _collect(
-    folder: StudyFolder, rows: dict[str, Mapping[str, Cell]], waiting: int, ended: Iterator[Done], *, quiet: bool
+    folder: StudyFolder,
+    rows: dict[str, Mapping[str, Cell]],
+    standing: Mapping[str, str],
+    waiting: int,
+    ended: Iterator[Done],
+    *,
+    quiet: bool,
 ) -> dict[str, str]:
-    """Add the rows of runs as they end, and write the tables now and then; return why runs failed, by their names."""
+    """Add the rows of runs as they end, and write the tables now and then; return why runs failed, by their names.
+
+    ``standing`` are failures of runs that are not tried now.
+    """
     failed: dict[str, str] = {}
     total, before = len(rows) + waiting, len(rows)
     began = written = time.monotonic()
@@ -196,10 +247,10 @@ def _collect(
                 how = f"done in {duration(done.seconds)}" if done.row is not None else f"failed: {done.failure}"
                 progress.step(f"{done.name} {how}  ({count} of {total}, {duration(left)} left)", done=count)
                 if now - written > _WRITE_EVERY_S:
-                    folder.write_tables(rows, failed)
+                    folder.write_tables(rows, {**standing, **failed})
                     written = time.monotonic()
     finally:
-        folder.write_tables(rows, failed)
+        folder.write_tables(rows, {**standing, **failed})
     return failed
 
 

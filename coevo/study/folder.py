@@ -23,7 +23,7 @@ import msgspec
 from coevo.config import check, read_toml, to_toml
 from coevo.errors import InputError
 from coevo.files import make_folder, read_text, read_whole, write_whole
-from coevo.folder import lock_folder
+from coevo.folder import SAME_COMMAND, lock_folder
 from coevo.seal import seal, unseal
 from coevo.soundness import Finding
 from coevo.study.kinds import Cell
@@ -38,6 +38,10 @@ ROW = "study.json"
 _TABLE, _FAILED = "table.csv", "failed.csv"
 _FLAG = ".going-"
 _ANEW = "the same 'coevo study' makes it anew"
+
+
+class _IncompleteError(ValueError):
+    """A table has no row of a finished run, as it was not measured when the table was written."""
 
 
 class _Row(NamedTuple):
@@ -87,11 +91,21 @@ def finished_runs(path: Path) -> list[tuple[Path, dict[str, str]]]:
         rows = _table_rows(path)
     except FileNotFoundError:
         rows = []
+    except NotADirectoryError:
+        what = "is a file" if path.is_file() else "lies within a file"
+        raise InputError(f"{path} {what}, but the folder of a study is expected; name the one with {_TABLE}") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{path / _TABLE} is damaged ({error}); {_ANEW}") from None
+        raise InputError(_told(path, error)) from None
     if not rows or "run" not in rows[0]:
         raise InputError(f"{path} holds no finished run of a study; run 'coevo study' first, or name its folder")
     return [(path / row["run"], row) for row in rows]
+
+
+def _told(path: Path, error: Exception) -> str:
+    """Return what is wrong with the table in a folder, and what to do."""
+    if isinstance(error, _IncompleteError):
+        return f"{path / _TABLE} is incomplete ({error}); 'coevo study' without --only completes it"
+    return f"{path / _TABLE} is damaged ({error}); {_ANEW}"
 
 
 def _table_rows(path: Path) -> list[dict[str, str]]:
@@ -142,7 +156,7 @@ def _check_runs(path: Path, found: Sequence[str]) -> None:
         return
     lacking = [name for name in planned if name not in set(found) and (path / name / ROW).exists()]
     if lacking:
-        raise ValueError(f"it has no row of {lacking[0]}, which is finished")
+        raise _IncompleteError(f"it has no row of {lacking[0]}, which is finished")
 
 
 def check_study(path: Path) -> list[Finding]:
@@ -161,7 +175,7 @@ def check_study(path: Path) -> list[Finding]:
     except FileNotFoundError:
         return [*found, Finding(_TABLE, "missing")]
     except (OSError, ValueError) as error:
-        return [*found, Finding(_TABLE, "damaged", f"{path / _TABLE} is damaged ({error}); {_ANEW}")]
+        return [*found, Finding(_TABLE, "damaged", _told(path, error))]
     return [*found, Finding(_TABLE, "sound")]
 
 
@@ -205,6 +219,20 @@ class StudyFolder:
         if told.measured != list(kind.measured) or told.key not in ({}, run.key):
             return None
         return told.row if kind.is_whole(folder, run.settings) else None
+
+    def is_measured_otherwise(self, run: PlannedRun) -> bool:
+        """Tell whether a run has a row that does not count, most likely as other things are measured now."""
+        return (self.path / run.name / ROW).exists() and self.row(run) is None
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """Why runs of the study failed when they were tried last, by their names; what cannot be read is left out."""
+        try:
+            rows = list(csv.DictReader(io.StringIO(read_text(self.path / _FAILED), newline="")))
+        except (OSError, ValueError, csv.Error):
+            return {}
+        names = {run.name for run in self.plan.runs}
+        return {row["run"]: row.get("reason") or "" for row in rows if row.get("run") in names}
 
     def write_tables(self, rows: Mapping[str, Mapping[str, Cell]], failed: Mapping[str, str]) -> None:
         """Write the table, and that of the runs that failed, in the order of the plan.
@@ -316,7 +344,7 @@ def open_study(path: Path, plan: Plan) -> StudyFolder:
     recipes = path / RECIPES
     with _Writing(path):
         make_folder(path)
-        release = lock_folder(path)
+        release = lock_folder(path, SAME_COMMAND)
         write_whole(path / STUDY, to_toml(plan.record).encode())
         wanted = {f"{name}.toml": file for name, file in plan.files.items()}
         wanted |= {file.name: file for file in plan.own_files}

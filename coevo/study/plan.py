@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import hashlib
 import itertools
 import json
@@ -185,6 +186,7 @@ def read_plan(source: str, seeds: int | None = None) -> Plan:
             checked, digest = _checked(condition, chosen, f"{source}: {told}")
             made.append(checked)
             digests[label] = digest
+    _check_own(made, source)
     if settings.conditions not in ({}, digests):
         wrong = next(label for label in {**digests, **settings.conditions} if _differ(label, settings, digests))
         raise InputError(
@@ -244,10 +246,21 @@ def _check_keys(
     for key, values in varied.items():
         if not isinstance(values, list) or not values:
             raise InputError(f"{source}: vary.{key}: expected a list of values, such as [1, 2], got {values!r}")
+        for value in values:
+            _check_no_date(value, f"{source}: vary.{key}")
         _check_distinct(f"vary.{key}", values, source)
         for table, keys in (("set", fixed), *named):
             if key in keys:
                 raise InputError(f"{source}: {key} stands in [{table}] and in [vary]; leave it out of one of them")
+
+
+def _check_no_date(value: Any, where: str) -> None:
+    """Refuse what TOML has and no setting is, before it comes into names and tables."""
+    if isinstance(value, dt.date | dt.time):
+        raise InputError(f"{where}: expected values that a setting can have, got {value.isoformat()}, a date or time")
+    if isinstance(value, Mapping | list):
+        for part in value.values() if isinstance(value, Mapping) else value:
+            _check_no_date(part, where)
 
 
 def _combinations(varied: Mapping[str, Sequence[Any]]) -> Iterator[dict[str, Any]]:
@@ -261,6 +274,8 @@ def _read_recipe(name: str, folder: Path, source: str) -> tuple[str, str, dict[s
         data = read_toml(folder / name)
         kind = data.get("kind", "evolution")
         try:
+            if not isinstance(kind, str):
+                raise InputError(f"kind: expected text, such as 'evolution', got {kind!r}")
             kind_named(kind)
         except InputError as error:
             raise InputError(f"{source}: {name}: {error}") from None
@@ -290,6 +305,18 @@ def _checked(condition: Condition, seeds: Sequence[int], source: str) -> tuple[C
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     whole = Condition(**{**vars(condition), "own": tuple(own)})
     return whole, digest.hexdigest()
+
+
+def _check_own(conditions: Sequence[Condition], source: str) -> None:
+    """Refuse modules of one's own of one name that differ: all lie in one folder of the study."""
+    found: dict[str, Path] = {}
+    for path in dict.fromkeys(path for condition in conditions for path in condition.own):
+        first = found.setdefault(path.name, path)
+        if path.read_bytes() != first.read_bytes():
+            raise InputError(
+                f"{source}: {first} and {path} differ, but a study has one folder for modules of its own, with one"
+                f" {path.name}; rename one of them"
+            )
 
 
 # ------------------------------------------------------------------------------------------------------- names

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import gc
 import io
+import shutil
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 
@@ -261,3 +262,14 @@ def test_a_full_disk_is_told_without_a_traceback(coevo, small_recipe, small_run,
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         main()
     assert results_of(tmp_path / "run") == results_of(small_run.path)
+
+
+@pytest.mark.parametrize(
+    "command", [["settlements"], ["baselines"], ["tournament", "--every", "2"]], ids=lambda command: command[0]
+)
+def test_a_command_that_cannot_keep_what_it_found_does_not_send_to_another(command, coevo, copied_run, refused):
+    shutil.rmtree(copied_run / "results", ignore_errors=True)
+    (copied_run / "results").write_text("in the way")
+    name, *options = command
+    told = "mend this and give the same command again; after 'coevo evolve', 'coevo resume'"
+    refused(coevo(name, copied_run, "--games", "2", *options), f"cannot write {copied_run / 'results'}", told)

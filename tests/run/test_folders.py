@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import itertools
 import json
 import re
+import shutil
+from contextlib import nullcontext
 
 import numpy as np
 import pandas as pd
@@ -92,6 +95,32 @@ def test_a_run_is_written_by_one_at_a_time(copied_run):
         Run(copied_run.path, copied_run.config).lock()
     release()
     Run(copied_run.path, copied_run.config).lock()()
+
+
+AGAIN = "give the same command again; after 'coevo evolve', 'coevo resume'"
+
+
+@pytest.mark.parametrize("keeping", [False, True])
+@pytest.mark.parametrize("where", ["folder", "lock", "file"])
+def test_a_result_that_cannot_be_kept_is_found_by_the_same_command_again(where, keeping, copied_run, monkeypatch):
+    """The run is finished, and who asks is settlements, baselines or a tournament."""
+    run, results = open_run(copied_run.path), copied_run.path / "results"
+    shutil.rmtree(results, ignore_errors=True)
+    if where == "folder":
+        results.write_text("in the way")
+    elif where == "lock":
+        (results / ".lock").mkdir(parents=True)
+    else:
+
+        def full(_):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        results.mkdir()
+        monkeypatch.setattr("coevo.files.os.fsync", full)
+    with pytest.raises(InputError) as caught, run.keeping_results() if keeping else nullcontext():
+        run.save_result("found", {"values": np.arange(3)})
+    assert str(caught.value).startswith(f"cannot write {results}")
+    assert str(caught.value).endswith(f"What was saved before is intact; mend this and {AGAIN}")
 
 
 def test_the_environment_names_versions_and_skills(small_run):

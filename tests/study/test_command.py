@@ -274,3 +274,101 @@ def test_a_pattern_that_matches_nothing_is_told_and_nothing_is_made(coevo, study
     assert (said.code, said.out) == (2, "")
     assert "--only smok-*: no run is called so; the first are smoke-fixed-seed0, smoke-fixed-seed1" in said.err
     assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.usefixtures("here")
+def test_what_failed_stands_while_other_runs_are_done(coevo, study_file, tmp_path):
+    (tmp_path / "own.py").write_text(FAILS)
+    shutil.copy(recipe_path("smoke", "evolution"), tmp_path / "small.toml")
+    study = study_file('recipes = ["small.toml"]\nseeds = 2', '[vary]\n"fitness.kind" = ["own:late", "fixed"]')
+    failed = tmp_path / "out" / "failed.csv"
+    assert coevo("study", study, "--out", tmp_path / "out", "--only", "*-late-seed1").code == 1
+    before = failed.read_bytes()
+    assert pd.read_csv(failed)["run"].tolist() == ["small-own-late-seed1"]
+    for only in ("*-fixed-seed0", "*-fixed-seed1", "*-fixed-*"):  # the last has nothing to do
+        assert coevo("study", study, "--out", tmp_path / "out", "--only", only).code == 0
+        assert failed.read_bytes() == before
+    assert coevo("study", study, "--out", tmp_path / "out", "--only", "*-late-seed0").code == 1
+    assert pd.read_csv(failed)["run"].tolist() == ["small-own-late-seed0", "small-own-late-seed1"]
+    assert coevo("study", study, "--out", tmp_path / "out").code == 1
+    assert pd.read_csv(failed)["run"].tolist() == ["small-own-late-seed0", "small-own-late-seed1"]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_table_that_lacks_what_only_left_is_incomplete_and_the_whole_study_completes_it(
+    done, coevo, study_file, monkeypatch
+):
+    monkeypatch.setitem(evolving._MEASURES, "extra", lambda of: {"extra": of.run.finished})
+    said = coevo("study", study_file(), "--out", done, "--only", "*-fixed-*")
+    assert said.code == 0
+    assert "2 finished runs, such as smoke-varying-seed0, are to be measured anew and do not match --only" in said.err
+    told = f"{done / 'table.csv'} is incomplete (it has no row of smoke-varying-seed0, which is finished)"
+    read = coevo("reproduce", "chapter6", done)
+    assert (read.code, f"{told}; 'coevo study' without --only completes it" in read.err) == (2, True)
+    again = coevo("study", study_file(), "--out", done)
+    assert (again.code, "measured anew" in again.err) == (0, False)
+    assert coevo("check", done).code == 0
+    assert pd.read_csv(done / "table.csv")["extra"].tolist() == [3] * 4
+
+
+@pytest.fixture
+def two_studies(study_file, tmp_path, monkeypatch):
+    """Return two studies, whose folders are runs/mine and runs/other."""
+    monkeypatch.chdir(tmp_path)
+    head = 'recipes = ["two-learners"]\nseeds = 1'
+    return study_file(vary=""), study_file(head, vary="", name="other.toml")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ("pattern", "--only none-*: no run is called so; the first are smoke-seed0, smoke-seed1, two-learners-seed0"),
+        ("taken", "runs/other exists and is not the folder of a study; choose another --out"),
+        ("stem", "a/mine.toml would both go into runs/mine; do them one at a time, with an --out for one of them"),
+        ("twice", "mine.toml is given twice; give it once"),
+    ],
+)
+def test_what_is_wrong_of_a_later_study_is_told_before_the_first_begins(
+    wrong, told, coevo, here, two_studies, tmp_path
+):
+    given = list(two_studies)
+    if wrong == "pattern":
+        given += ["--only", "smoke-*", "--only", "none-*"]
+    elif wrong == "taken":
+        (tmp_path / "runs" / "other").mkdir(parents=True)
+        (tmp_path / "runs" / "other" / "notes.txt").touch()
+    elif wrong == "stem":
+        (tmp_path / "a").mkdir()
+        given[1] = shutil.copy(two_studies[1], tmp_path / "a" / "mine.toml")
+    else:
+        given[1] = given[0]
+    said = coevo("study", *given)
+    assert (said.code, said.out, here) == (2, "", [])
+    assert said.err.strip().endswith(told)
+    assert not (tmp_path / "runs" / "mine").exists()
+
+
+def test_a_pattern_may_match_in_one_of_several_studies(coevo, here, two_studies, tmp_path):
+    said = coevo("study", *two_studies, "--only", "two-learners-*", "--json")
+    assert (said.code, here) == (0, ["two-learners-seed0"])
+    assert "None of its runs matches --only; it stays as it is: runs/mine" in said.err
+    assert [one["study"] for one in json.loads(said.out)["studies"]] == ["runs/other"]
+    assert not (tmp_path / "runs" / "mine").exists()
+
+
+@pytest.mark.usefixtures("here")
+def test_a_pattern_may_be_for_a_study_that_cannot_be_read_yet(coevo, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "quick.toml").write_text(QUICK)
+    needs = 'model_of = "runs/first/quick-seed{seed}/skill.npz"\n'
+    (tmp_path / "more.toml").write_text(QUICK.replace("quick", "more").partition("order")[0] + needs)
+    (tmp_path / "first.toml").write_text(LEARNS)
+    (tmp_path / "second.toml").write_text(LEARNS.replace("quick", "more"))
+    patterns = "--only", "quick-*", "--only", "more-*"
+    told = coevo("study", "first.toml", "second.toml", *patterns, "--json")
+    assert [one["failed"] for one in json.loads(told.out)["studies"]] == [0, 0]
+    shutil.rmtree(tmp_path / "runs")
+    wrong = coevo("study", "first.toml", "second.toml", *patterns, "--only", "mor-*")
+    assert wrong.code == 2  # as soon as it can be known
+    assert "--only mor-*: no run is called so; the first are quick-seed0, more-seed0" in wrong.err
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["first"]

@@ -101,10 +101,17 @@ def test_a_digit_that_flipped_is_noticed_wherever_it_is(folder, plan):
         assert [finding.name for finding in check_study(folder.path) if finding.state == "damaged"] == ["table.csv"]
     header, *lines = whole.splitlines(keepends=True)
     folder.leave()
-    for others in (lines[::-1], lines[:2] + lines[3:], [*lines, lines[0]]):
+    for others in (lines[::-1], [*lines, lines[0]]):
         folder.table.write_bytes(header + b"".join(others))
-        with pytest.raises(InputError, match=r"table\.csv is damaged .*(in their order|which is finished)"):
+        with pytest.raises(InputError, match=r"table\.csv is damaged .*in their order"):
             finished_runs(folder.path)
+    folder.table.write_bytes(header + b"".join(lines[:2] + lines[3:]))
+    said = (
+        r"table\.csv is incomplete \(it has no row of smoke-varying-seed0, which is finished\); 'coevo study' without"
+    )
+    with pytest.raises(InputError, match=said):
+        finished_runs(folder.path)
+    assert re.search(said, next(of.why for of in check_study(folder.path) if of.state == "damaged"))
     folder.flag.touch()
     folder.table.write_bytes(header + b"".join(lines[:2]))  # while it goes on
     assert len(finished_runs(folder.path)) == 2
@@ -117,6 +124,22 @@ def test_a_digit_that_flipped_is_noticed_wherever_it_is(folder, plan):
     assert f"{plan.runs[3].name}/{ROW}" in {of.name for of in check_study(folder.path) if of.state == "damaged"}
     path.unlink()  # as in tables of which nothing else was kept
     assert len(finished_runs(folder.path)) == len(rows)
+
+
+def test_a_file_in_place_of_the_folder_is_told(tmp_path):
+    (tmp_path / "one.toml").write_text('kind = "study"')
+    with pytest.raises(
+        InputError, match=r"one\.toml is a file, but the folder of a study is expected; name the one wi"
+    ):
+        finished_runs(tmp_path / "one.toml")
+    with pytest.raises(InputError, match=r"one\.toml/out lies within a file, but the folder of a study is expected"):
+        finished_runs(tmp_path / "one.toml" / "out")
+
+
+@pytest.mark.parametrize("data", [b"", b"\xff\n", b"run\n", b"a,b\n1,2\n", b'run\n"a', b"run,reason\nnone,why\n"])
+def test_failures_that_cannot_be_read_are_none(folder, data):
+    (folder.path / "failed.csv").write_bytes(data)
+    assert folder.failures == {}
 
 
 def test_a_row_of_before_has_no_digest_and_counts(tmp_path):
@@ -248,6 +271,12 @@ def test_a_folder_that_another_process_directs_is_refused(folder, plan):
         open_study(folder.path, plan)
     folder.close()
     open_study(folder.path, plan).close()
+
+
+def test_a_lock_that_cannot_be_written_is_told_with_the_command_of_studies(plan, tmp_path):
+    (tmp_path / "locked" / ".lock").mkdir(parents=True)
+    with pytest.raises(InputError, match=r"cannot write .*locked.*; mend this and give the same command again$"):
+        open_study(tmp_path / "locked", plan)
 
 
 def test_flags_of_those_who_were_killed_go(folder, plan):

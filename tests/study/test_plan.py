@@ -14,6 +14,7 @@ from coevo.config import read_toml, to_toml
 from coevo.errors import InputError
 from coevo.recipes import recipe_names
 from coevo.study import plan
+from coevo.study.folder import open_study
 from coevo.study.plan import read_plan, study_name
 
 SMOKE = 'recipes = ["smoke"]'
@@ -203,6 +204,18 @@ WRONG = {
     ),
     "a schedule": ('recipes = ["chapter3/short"]', "", "", "no recipe 'chapter3/short'"),
     "itself": ('recipes = ["mine.toml"]', "", "", "recipes of the kind 'evolution' or 'skill' or 'team', got 'study'"),
+    "a date": (
+        SMOKE,
+        '"gp.elite" = [1, 2020-01-01]',
+        "",
+        "vary.gp.elite: expected values that a setting can have, got 2020-",
+    ),
+    "a time in a table": (
+        SMOKE,
+        '"gp.start" = [{ r0 = [12:00:00] }]',
+        "",
+        "vary.gp.start: expected values that a setting",
+    ),
     "too many": (f"{SMOKE}\nseeds = 2000", f'"gp.elite" = {list(range(60))}', "", "expected at most 100000 runs"),
 }
 
@@ -221,3 +234,41 @@ def test_wrong_studies_are_refused_before_anything_is_made(
     assert len(said.err.strip().splitlines()) == 1
     assert told in said.err
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(("kind", "told"), [('["x"]', "['x']"), ("3", "3"), ("{ a = 1 }", "{'a': 1}")])
+def test_a_recipe_whose_kind_is_no_text_is_refused(kind, told, study_file, tmp_path):
+    (tmp_path / "odd.toml").write_text(f"kind = {kind}\nname = 'odd'\n")
+    with pytest.raises(InputError) as caught:
+        read_plan(str(study_file('recipes = ["odd.toml"]')))
+    assert str(caught.value).endswith(f"odd.toml: kind: expected text, such as 'evolution', got {told}")
+
+
+def recipes_with_modules_of_one_name(tmp_path, *texts):
+    """Write recipes in folders of their own, each with a module own.py beside it; return their paths in a study."""
+    recipe = plan.recipe_path("smoke", "evolution").read_text() + "\n[fitness]\nkind = 'own:reach'\n"
+    for name, text in zip("ab", texts, strict=True):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / f"{name}.toml").write_text(recipe)
+        (tmp_path / name / "own.py").write_text(text)
+    return '["a/a.toml", "b/b.toml"]'
+
+
+OWN = "def reach(measures, **_):\n    return -measures['goals']\n"
+
+
+def test_two_modules_of_one_name_are_refused_as_one_would_run_for_the_other(study_file, tmp_path):
+    recipes = recipes_with_modules_of_one_name(tmp_path, OWN, OWN.replace("-", ""))
+    with pytest.raises(InputError) as caught:
+        read_plan(str(study_file(f"recipes = {recipes}", vary="")))
+    one, other = (tmp_path / name / "own.py" for name in "ab")
+    assert f"mine.toml: {one} and {other} differ" in str(caught.value)
+    assert str(caught.value).endswith("rename one of them")
+
+
+def test_two_modules_of_one_name_that_are_equal_are_one(study_file, tmp_path):
+    recipes = recipes_with_modules_of_one_name(tmp_path, OWN, OWN)
+    read = read_plan(str(study_file(f"recipes = {recipes}", vary="")))
+    assert [path.parent.name for path in read.own_files] == ["a", "b"]
+    open_study(tmp_path / "out", read).close()
+    assert (tmp_path / "out" / "recipes" / "own.py").read_text() == OWN

@@ -16,7 +16,7 @@ from coevo.errors import InputError, MissingFileError
 
 if TYPE_CHECKING:
     from coevo.study.folder import StudyFolder
-    from coevo.study.kinds import Cell
+    from coevo.study.kinds import Cell, Headlines
     from coevo.study.plan import Plan, PlannedRun
     from coevo.study.task import Done
 
@@ -292,15 +292,14 @@ def _summary(plan: Plan, rows: Mapping[str, Mapping[str, Cell]]) -> str:
     for number, headlines in enumerate(found):
         columns = list(dict.fromkeys(name for row in rows.values() for name in row if name.endswith(headlines.ends)))
         if columns or number == 0:
-            tables.append(_headlines(plan, rows, columns, shares=headlines.shares))
+            tables.append(_headlines(plan, rows, columns, headlines))
     return "\n\n".join(tables)
 
 
-def _headlines(plan: Plan, rows: Mapping[str, Mapping[str, Cell]], columns: Sequence[str], *, shares: bool) -> str:
+def _headlines(plan: Plan, rows: Mapping[str, Mapping[str, Cell]], columns: Sequence[str], headlines: Headlines) -> str:
     """Return some columns, a line a condition; where only a few runs have a value it says how many."""
     from coevo.statistics import mean_interval
 
-    least, most = (0.0, 1.0) if shares else (float("-inf"), float("inf"))
     lines = []
     for condition in plan.conditions:
         runs = [run for run in plan.runs if run.condition is condition]
@@ -311,7 +310,7 @@ def _headlines(plan: Plan, rows: Mapping[str, Mapping[str, Cell]], columns: Sequ
             some = f" ({len(values)} of {len(found)})" if 0 < len(values) < len(found) else ""
             if len(values) > 1:
                 mean, low, high = mean_interval(values)
-                cells.append(f"{mean:.3f} [{max(low, least):.3f}, {min(high, most):.3f}]{some}")
+                cells.append(f"{mean:.3f} [{max(low, headlines.least):.3f}, {min(high, headlines.most):.3f}]{some}")
             else:
                 cells.append(f"{values[0]:.3f}{some}" if values else "")
         lines.append(cells)

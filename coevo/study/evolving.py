@@ -128,7 +128,7 @@ class EvolutionRuns:
     headlines = (
         Headlines(("_last", "_first", "_single_skills")),
         Headlines((*(settled_name(name) for name in PATTERNS), "settled_ratio", "took_over")),
-        Headlines(("take_over",), shares=False),
+        Headlines(("take_over",), most=math.inf),
     )
 
     @property

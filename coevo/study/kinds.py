@@ -17,11 +17,12 @@ Cell = int | float | str
 class Headlines(NamedTuple):
     """Columns that people look at first, a table of its own.
 
-    ends: how their names end. shares: whether they are shares, whose intervals end at 0 and 1.
+    ends: how their names end. least, most: what they can be, where their intervals end; shares as a rule.
     """
 
     ends: tuple[str, ...]
-    shares: bool = True
+    least: float = 0.0
+    most: float = 1.0
 
 
 class StudyKind(Protocol):

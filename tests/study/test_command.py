@@ -104,8 +104,8 @@ def test_the_summary_tells_of_how_many_runs_a_figure_is(study_file):
     assert shares.splitlines()[1].split(maxsplit=4) == ["smoke", "4", "of", "4", half]
     assert settled.splitlines()[1].split(maxsplit=4) == ["smoke", "4", "of", "4", half]
     assert settled.splitlines()[0].split() == ["condition", "runs", "took_over"]
-    # with 1 degree of freedom: 7 +- 12.706 * 4.243 / sqrt(2), not cut
-    assert take_over.splitlines()[1].split(maxsplit=4)[-1] == "7.000 [-31.119, 45.119] (2 of 4)"
+    # with 1 degree of freedom: 7 +- 12.706 * 4.243 / sqrt(2), cut at the first generation
+    assert take_over.splitlines()[1].split(maxsplit=4)[-1] == "7.000 [0.000, 45.119] (2 of 4)"
 
 
 def test_what_is_done_is_skipped_and_more_seeds_may_be_added(done, coevo, study_file, here):

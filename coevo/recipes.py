@@ -18,6 +18,7 @@ from coevo.errors import InputError, nearest_name
 __all__ = ["is_path", "read_experiment", "read_recipe", "read_settings", "recipe_names", "recipe_path"]
 
 _S = TypeVar("_S", bound=FileSettings)
+_LEFT = {"config.toml", "recipe.toml"}  # what a run and a learned skill have kept of theirs
 
 
 def _folders() -> list[Path]:
@@ -34,7 +35,7 @@ def _found() -> dict[str, Path]:
         for folder in _folders()
         for path in sorted([*folder.glob("*.toml"), *folder.glob("*/*.toml")])
     }
-    return {name: path for name, path in paths.items() if path.name != "config.toml" and not _is_record(path)}
+    return {name: path for name, path in paths.items() if path.name not in _LEFT and not _is_record(path)}
 
 
 def _is_record(path: Path) -> bool:

@@ -114,8 +114,10 @@ def test_a_broken_file_among_the_recipes_spoils_no_answer_and_none_hides_a_prese
     (tmp_path / "runs" / "mine" / "own.toml").write_text("kind = 'evolution'\nname = 'other'")
     (tmp_path / "runs" / "mine" / "broken.toml").write_text("kind = ")
     (tmp_path / "runs" / "mine" / "config.toml").write_text("kind = 'evolution'")  # the record of a run
+    (tmp_path / "runs" / "mine" / "recipe.toml").write_text("kind = 'skill'")  # and of a learned skill
     monkeypatch.setattr(recipes, "files", lambda _: package)
     assert set(recipe_names("evolution")) == {"mine/own", *NAMES["evolution"]}
+    assert not any(name.startswith("mine/") for name in recipe_names("skill"))
     assert read_settings(RunSettings, "smoke").name == "smoke"
     with pytest.raises(InputError, match="Did you mean 'mine/own'"):
         read_recipe("mine/onw", "evolution")

@@ -39,13 +39,22 @@ def _about(run: Run) -> bytes:
     config = run.config
     assert isinstance(config, (RunSettings, ForeignSettings))
     parts = {name: value for name, value in msgspec.to_builtins(config).items() if name not in _HOW}
-    digests = json.loads(run.environment or "{}")  # a run of an older version may have none
+    digests = _digests(run)
     if isinstance(config, RunSettings):
         parts["skills"] |= {name: of for name, of in digests.get("skills", {}).items() if parts["skills"].get(name)}
     else:
         module = str(config.game["kind"]).partition(":")[0]
         parts["module"] = digests.get("own_modules", {}).get(f"{module}.py")
     return msgspec.json.encode(parts, order="sorted")
+
+
+def _digests(run: Run) -> dict[str, dict[str, str]]:
+    """Return the digests of the skills and modules that a run was begun with, as far as it tells."""
+    try:
+        told = json.loads(run.environment)
+    except ValueError:  # a run of an older version has none, and nothing by which to see that it was spoilt
+        return {}
+    return {name: of for name in ("skills", "own_modules") if isinstance(of := told.get(name), dict)}
 
 
 def cross_play(runs: Sequence[Run], names: Sequence[str], evaluator: Evaluator, *, games: int) -> pd.DataFrame:

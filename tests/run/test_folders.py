@@ -105,6 +105,7 @@ AGAIN = "give the same command again; after 'coevo evolve', 'coevo resume'"
 def test_a_result_that_cannot_be_kept_is_found_by_the_same_command_again(where, keeping, copied_run, monkeypatch):
     """The run is finished, and who asks is settlements, baselines or a tournament."""
     run, results = open_run(copied_run.path), copied_run.path / "results"
+    monkeypatch.setattr("coevo.folder._PATIENCE_S", 0.1)  # nobody else lets go of what is in the way
     shutil.rmtree(results, ignore_errors=True)
     if where == "folder":
         results.write_text("in the way")

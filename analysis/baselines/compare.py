@@ -254,7 +254,8 @@ def over_runs(tables: pd.DataFrame, groups: Mapping[str, str] | None = None) -> 
         (mean shares of games won, of the champions and of the baseline), ``over``, ``low``, ``high`` (mean of the
         differences with its interval over runs), ``better`` (in how many runs the champions were ahead). Then the same
         of games lost, as some are nobody's: ``champions_lost`` and ``lost`` (mean shares), ``less``, ``less_low``,
-        ``less_high`` (by how much less the champions lose), ``safer`` (in how many runs they lose less).
+        ``less_high`` (by how much less the champions lose), ``safer`` (in how many runs they lose less). One run alone
+        has no interval: it is NaN.
     """
     rows = []
     chosen = tables[tables["chosen"]]
@@ -279,5 +280,7 @@ def _of_lost(ours: NDArray[np.float64], lost: NDArray[np.float64]) -> tuple[floa
 
 
 def _interval(of_runs: NDArray[np.float64]) -> tuple[float, float, float]:
+    if len(of_runs) == 1:
+        return float(of_runs[0]), np.nan, np.nan
     mean, low, high = (float(value) for value in bootstrap_interval(of_runs))
     return mean, low, high

@@ -244,9 +244,9 @@ def _several(summary: pd.DataFrame, *, cross_play: bool) -> str:
             str(row["runs"]),
             f"{row['champions']:.3f}",
             f"{row['share']:.3f}",
-            f"{row['over']:+.3f} [{row['low']:+.3f}, {row['high']:+.3f}]",
+            _interval(row["over"], row["low"], row["high"]),
             f"{row['better']} of {row['runs']}",
-            f"{row['less']:+.3f} [{row['less_low']:+.3f}, {row['less_high']:+.3f}]",
+            _interval(row["less"], row["less_low"], row["less_high"]),
             f"{row['safer']} of {row['runs']}",
         ]
         for row in summary.to_dict("records")
@@ -257,6 +257,14 @@ def _several(summary: pd.DataFrame, *, cross_play: bool) -> str:
     lines += [
         f"{who(row)}: champions win {compared((row['over'], row['low'], row['high']))} {row['kind']};"
         f" they are ahead in {row['better']} of {row['runs']} runs."
-        for row in summary.to_dict("records")
+        for row in summary[summary["runs"] > 1].to_dict("records")
     ]
+    if (summary["runs"] == 1).any():
+        lines.append(
+            "A run that differs from the others in more than the seed says nothing about other seeds of its kind."
+        )
     return "\n".join(lines)
+
+
+def _interval(value: float, low: float, high: float) -> str:
+    return f"{value:+.3f}" + ("" if math.isnan(low) else f" [{low:+.3f}, {high:+.3f}]")

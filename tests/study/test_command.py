@@ -231,14 +231,19 @@ LEARNS = 'kind = "study"\nrecipes = ["quick.toml"]\nseeds = 1\n[set]\ntrials = 2
 QUICK = 'kind = "skill"\nname = "quick"\ntask = "search"\n[[objects]]\nkind = "ball"\norder = 2\nhistory_length = 2\n'
 
 
-@pytest.mark.usefixtures("here")
-def test_several_studies_are_done_in_turn_and_a_later_one_may_need_an_earlier_one(coevo, tmp_path, monkeypatch):
+@pytest.fixture
+def learning(tmp_path, monkeypatch):
+    """Write, where one is, the studies first.toml and second.toml, which needs a skill that the first learns."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "quick.toml").write_text(QUICK)
     needs = 'model_of = "runs/first/quick-seed{seed}/skill.npz"\n'
     (tmp_path / "more.toml").write_text(QUICK.replace("quick", "more").partition("order")[0] + needs)
     (tmp_path / "first.toml").write_text(LEARNS)
     (tmp_path / "second.toml").write_text(LEARNS.replace("quick", "more"))
+
+
+@pytest.mark.usefixtures("here", "learning")
+def test_several_studies_are_done_in_turn_and_a_later_one_may_need_an_earlier_one(coevo, tmp_path):
     both = tmp_path / "first.toml", tmp_path / "second.toml"
     assert coevo("study", *both, "--out", "mine").err.startswith("coevo: --out is the folder of one study, and 2")
     wrong = coevo("study", both[1], both[0])
@@ -356,14 +361,8 @@ def test_a_pattern_may_match_in_one_of_several_studies(coevo, here, two_studies,
     assert not (tmp_path / "runs" / "mine").exists()
 
 
-@pytest.mark.usefixtures("here")
-def test_a_pattern_may_be_for_a_study_that_cannot_be_read_yet(coevo, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "quick.toml").write_text(QUICK)
-    needs = 'model_of = "runs/first/quick-seed{seed}/skill.npz"\n'
-    (tmp_path / "more.toml").write_text(QUICK.replace("quick", "more").partition("order")[0] + needs)
-    (tmp_path / "first.toml").write_text(LEARNS)
-    (tmp_path / "second.toml").write_text(LEARNS.replace("quick", "more"))
+@pytest.mark.usefixtures("here", "learning")
+def test_a_pattern_may_be_for_a_study_that_cannot_be_read_yet(coevo, tmp_path):
     patterns = "--only", "quick-*", "--only", "more-*"
     told = coevo("study", "first.toml", "second.toml", *patterns, "--json")
     assert [one["failed"] for one in json.loads(told.out)["studies"]] == [0, 0]
